@@ -1,0 +1,1 @@
+"""The SMV encodings, as Jinja2 templates beside this file."""
