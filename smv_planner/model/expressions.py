@@ -1,0 +1,282 @@
+"""Expressions over the state: guards, invariants, goals and assigned values.
+
+A small closed set of frozen nodes. What a scenario can write beyond these (`->`, `in`, `!=`, `<=`) is expressed by
+them. Conjunctions and disjunctions have any number of parts, so that no text nests deeper than its author nested it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from smv_planner.model.domains import Value, show_value
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class Var:
+    """The value of a state variable, by its full name."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class Not:
+    part: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class And:
+    parts: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Or:
+    parts: tuple[Expr, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Equal:
+    left: Expr
+    right: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Less:
+    left: Expr
+    right: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Plus:
+    left: Expr
+    right: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Minus:
+    left: Expr
+    right: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class If:
+    condition: Expr
+    then: Expr
+    otherwise: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Named:
+    """A predicate or a measured copy: the name its author gave it, and what it stands for."""
+
+    name: str
+    part: Expr
+
+
+Expr = Const | Var | Not | And | Or | Equal | Less | Plus | Minus | If | Named
+
+TRUE = Const(True)
+FALSE = Const(False)
+
+
+def conjunction(parts: Iterable[Expr]) -> Expr:
+    """All of `parts`; constants are folded away."""
+    kept = _merged(parts, And, unit=TRUE)
+    return FALSE if FALSE in kept else kept[0] if len(kept) == 1 else And(kept) if kept else TRUE
+
+
+def disjunction(parts: Iterable[Expr]) -> Expr:
+    """Any of `parts`; constants are folded away."""
+    kept = _merged(parts, Or, unit=FALSE)
+    return TRUE if TRUE in kept else kept[0] if len(kept) == 1 else Or(kept) if kept else FALSE
+
+
+def negation(part: Expr) -> Expr:
+    match part:
+        case Const(value):
+            return Const(not value)
+        case Not(inner):
+            return inner
+    return Not(part)
+
+
+def equality(left: Expr, right: Expr) -> Expr:
+    """`left == right`, decided where both are constants or the same expression."""
+    if isinstance(left, Const) and isinstance(right, Const):
+        return Const(left == right)
+    return TRUE if left == right else Equal(left, right)
+
+
+def _merged(parts: Iterable[Expr], kind: type[And] | type[Or], unit: Const) -> tuple[Expr, ...]:
+    flat: dict[Expr, None] = {}
+    for part in parts:
+        for inner in part.parts if isinstance(part, kind) else (part,):
+            if inner != unit:
+                flat.setdefault(inner)
+    return tuple(flat)
+
+
+def parts_of(expr: Expr) -> tuple[Expr, ...]:
+    """The direct parts of a node."""
+    match expr:
+        case Const() | Var():
+            return ()
+        case Not(part) | Named(_, part):
+            return (part,)
+        case And(parts) | Or(parts):
+            return parts
+        case Equal(left, right) | Less(left, right) | Plus(left, right) | Minus(left, right):
+            return (left, right)
+        case If(condition, then, otherwise):
+            return (condition, then, otherwise)
+
+
+def nodes(expr: Expr) -> Iterator[Expr]:
+    """Every distinct node object of an expression once, whole before its parts."""
+    seen: set[int] = set()
+    waiting = [expr]
+    while waiting:
+        node = waiting.pop()
+        if id(node) not in seen:
+            seen.add(id(node))
+            yield node
+            waiting.extend(reversed(parts_of(node)))
+
+
+def variables_of(expr: Expr) -> frozenset[str]:
+    """The state variables an expression reads."""
+    return frozenset(node.name for node in nodes(expr) if isinstance(node, Var))
+
+
+def substitute(expr: Expr, values: Mapping[str, Expr]) -> Expr:
+    """The expression with variables replaced and constants folded; untouched parts are kept as they are."""
+    return rewritten(expr, lambda node: values.get(node.name) if isinstance(node, Var) else None)
+
+
+def rewritten(expr: Expr, replacement: Callable[[Expr], Expr | None]) -> Expr:
+    """The expression with every node replaced for which there is a replacement, and constants folded.
+
+    Untouched parts are kept as they are; a predicate loses its name if what it stands for changes.
+    """
+    done: dict[int, Expr] = {}
+
+    def of(node: Expr) -> Expr:
+        if id(node) not in done:
+            replaced = replacement(node)
+            done[id(node)] = build(node) if replaced is None else replaced
+        return done[id(node)]
+
+    def build(node: Expr) -> Expr:
+        old = parts_of(node)
+        new = tuple(of(part) for part in old)
+        if all(a is b for a, b in zip(old, new, strict=True)):
+            return node
+        match node:
+            case Not():
+                return negation(new[0])
+            case And():
+                return conjunction(new)
+            case Or():
+                return disjunction(new)
+            case Equal():
+                return equality(*new)
+            case If():
+                condition, then, otherwise = new
+                if isinstance(condition, Const):
+                    return then if condition.value else otherwise
+                return If(condition, then, otherwise)
+            case Less() | Plus() | Minus():
+                folded = type(node)(*new)
+                return Const(meaning(folded, {})(())) if all(isinstance(part, Const) for part in new) else folded
+        return new[0]
+
+    return of(expr)
+
+
+def meaning(expr: Expr, index: Mapping[str, int]) -> Callable[[tuple[Value, ...]], Value]:
+    """What an expression is worth in a state, where `index` says at which position each variable stands."""
+    done: dict[int, Callable[[tuple[Value, ...]], Value]] = {}
+
+    def of(node: Expr) -> Callable[[tuple[Value, ...]], Value]:
+        if id(node) not in done:
+            done[id(node)] = build(node)
+        return done[id(node)]
+
+    def build(node: Expr) -> Callable[[tuple[Value, ...]], Value]:
+        match node:
+            case Const(value):
+                return lambda s: value
+            case Var(name):
+                at = index[name]
+                return lambda s: s[at]
+            case Named(_, part):
+                return of(part)
+            case Not(part):
+                inner = of(part)
+                return lambda s: not inner(s)
+            case And(parts):
+                every = tuple(of(part) for part in parts)
+                return lambda s: all(f(s) for f in every)
+            case Or(parts):
+                some = tuple(of(part) for part in parts)
+                return lambda s: any(f(s) for f in some)
+            case Equal(Var(name), Const(value)):
+                at = index[name]
+                return lambda s: s[at] == value
+            case Equal(left, right):
+                a, b = of(left), of(right)
+                return lambda s: a(s) == b(s)
+            case Less(left, right):
+                a, b = of(left), of(right)
+                return lambda s: a(s) < b(s)  # type: ignore[operator]
+            case Plus(left, right):
+                a, b = of(left), of(right)
+                return lambda s: a(s) + b(s)  # type: ignore[operator]
+            case Minus(left, right):
+                a, b = of(left), of(right)
+                return lambda s: a(s) - b(s)  # type: ignore[operator]
+            case If(condition, then, otherwise):
+                c, a, b = of(condition), of(then), of(otherwise)
+                return lambda s: a(s) if c(s) else b(s)
+
+    return of(expr)
+
+
+def show(expr: Expr) -> str:
+    """An expression in the language of scenarios, for people to read."""
+    return _show(expr, 0)
+
+
+def _show(expr: Expr, inside: int) -> str:
+    """`inside` is how tightly the surrounding operator binds; a looser expression gets parentheses."""
+    match expr:
+        case Const(value):
+            return show_value(value)
+        case Var(name) | Named(name, _):
+            return name
+        case Not(Equal(left, right)):
+            text, binds = f"{_show(left, 4)} != {_show(right, 4)}", 3
+        case Not(Less(left, right)):
+            text, binds = f"{_show(left, 4)} >= {_show(right, 4)}", 3
+        case Not(part):
+            text, binds = f"not {_show(part, 5)}", 5
+        case And(parts):
+            text, binds = " and ".join(_show(part, 2) for part in parts), 2
+        case Or(parts):
+            text, binds = " or ".join(_show(part, 1) for part in parts), 1
+        case Equal(left, right):
+            text, binds = f"{_show(left, 4)} == {_show(right, 4)}", 3
+        case Less(left, right):
+            text, binds = f"{_show(left, 4)} < {_show(right, 4)}", 3
+        case Plus(left, right):
+            text, binds = f"{_show(left, 4)} + {_show(right, 5)}", 4
+        case Minus(left, right):
+            text, binds = f"{_show(left, 4)} - {_show(right, 5)}", 4
+        case If(condition, then, otherwise):
+            text, binds = f"{_show(condition, 1)} ? {_show(then, 1)} : {_show(otherwise, 1)}", 0
+    return f"({text})" if binds < inside else text

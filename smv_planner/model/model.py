@@ -1,0 +1,96 @@
+"""A scenario that makes sense: resources, decision variables, operations and intentions (Machines 2021, section 3).
+
+Every name in a `Model` is a full name, every expression is resolved and typed, predicates and measured copies carry
+their definition with them. `language` makes models from YAML or from Python values; nothing else does.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from smv_planner.model.domains import Domain
+from smv_planner.model.expressions import Expr
+from smv_planner.model.ltl import Formula
+from smv_planner.model.system import Assignment, Invariant, System, Transition, Variable
+
+
+@dataclass(frozen=True, slots=True)
+class Resource:
+    """A device, tool or person (Def. 4). `silent_after` is in seconds: the resource counts as lost after it."""
+
+    name: str
+    silent_after: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Copy:
+    """A decision variable that is measured: on the transition level it is `value`, an expression over the state."""
+
+    name: str
+    domain: Domain
+    value: Expr
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """One way in which an operation may end: its low-level goal, and its effects on decision variables."""
+
+    name: str | None
+    effects: tuple[Assignment, ...]
+    goal: Expr | None
+
+
+@dataclass(frozen=True, slots=True)
+class Operation:
+    """Def. 5. `synchronised` names the transition whose guard joins the goal and whose actions join the completion."""
+
+    name: str
+    guard: Expr
+    outcomes: tuple[Outcome, ...]
+    on_start: tuple[Assignment, ...] = ()
+    synchronised: str | None = None
+    retries: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Intention:
+    """Def. 6. `formula` must hold until `goal` is reached."""
+
+    name: str
+    start: Expr
+    goal: Expr
+    formula: Formula | None
+    actions: tuple[Assignment, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A whole scenario. `transitions` are in declared order: those of the resources, then the interactions.
+
+    `predicates` and `copies` are kept by name for questions and for people; expressions do not need them.
+    """
+
+    name: str
+    resources: tuple[Resource, ...]
+    variables: tuple[Variable, ...]
+    copies: tuple[Copy, ...]
+    predicates: Mapping[str, Expr]
+    transitions: tuple[Transition, ...]
+    invariants: tuple[Invariant, ...]
+    operations: tuple[Operation, ...]
+    intentions: tuple[Intention, ...]
+
+    @cached_property
+    def system(self) -> System:
+        """The transition planner's system, without completions of operations."""
+        return System(self.variables, self.transitions, self.invariants)
+
+    @cached_property
+    def hash(self) -> str:
+        """The same for the same meaning, in every process: SHA-256 over everything the model says."""
+        parts = (self.name, self.resources, self.variables, self.copies, sorted(self.predicates.items()))
+        rest = (self.transitions, self.invariants, self.operations, self.intentions)
+        return hashlib.sha256(repr((parts, rest)).encode()).hexdigest()

@@ -1,0 +1,204 @@
+"""What a model means.
+
+Everything that decides which state follows which lives in this file. The runner, the explicit engine, the emulators
+and the checker call it; the SMV encoding says the same thing in another language, and tests/engines holds the two
+together.
+
+A step fires exactly one transition; all its assignments read the old state. A transition is enabled when its guard
+holds, its assignments stay inside the domains, and firing changes the state. While any automatic transition is
+enabled, only the first of them in declared order may fire. A state in which none is enabled is settled.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import product
+
+from smv_planner.model.domains import Bool, Domain, Enum, Range
+from smv_planner.model.expressions import (
+    TRUE,
+    Const,
+    Expr,
+    If,
+    Less,
+    Minus,
+    Named,
+    Plus,
+    Var,
+    conjunction,
+    disjunction,
+    equality,
+    meaning,
+    negation,
+)
+from smv_planner.model.system import Any, Assignment, State, System, Transition
+
+Step = tuple[Transition, State]
+"""A transition and the state it leads to."""
+
+
+def ready(system: System, transition: Transition) -> Expr:
+    """When a transition is enabled, as a predicate on states (automatic priority apart)."""
+    return conjunction([may_fire(system, transition), _changing(system, transition)])
+
+
+def may_fire(system: System, transition: Transition) -> Expr:
+    """When the guard holds and the assigned values lie in their domains, whether or not firing changes anything."""
+    return conjunction([transition.guard, *(_inside(system, action) for action in transition.actions)])
+
+
+def settled(system: System, transitions: Iterable[Transition]) -> Expr:
+    """When none of the automatic ones among `transitions` is enabled, as a predicate on states."""
+    return negation(disjunction(ready(system, t) for t in transitions if t.kind.automatic))
+
+
+def fire(system: System, transition: Transition, state: State) -> tuple[State, ...]:
+    """Every state the transition may lead to; none if it is not enabled; several if the planner has a choice."""
+    return _compiled(system, transition)(state)
+
+
+class Steps:
+    """The steps that a set of usable transitions allows, with the priority of automatic ones."""
+
+    def __init__(self, system: System, usable: Iterable[Transition]) -> None:
+        transitions = tuple(usable)
+        self._automatic = [(t, _compiled(system, t)) for t in transitions if t.kind.automatic]
+        self._others = [(t, _compiled(system, t)) for t in transitions if not t.kind.automatic]
+
+    def automatic(self, state: State) -> Step | None:
+        """The automatic step that comes next, or None in a settled state."""
+        for transition, outcomes in self._automatic:
+            for after in outcomes(state):
+                return transition, after
+        return None
+
+    def settled(self, state: State) -> bool:
+        return self.automatic(state) is None
+
+    def __call__(self, state: State) -> Iterator[Step]:
+        """Every possible step, in declared order."""
+        first = self.automatic(state)
+        if first:
+            yield first
+        else:
+            for transition, outcomes in self._others:
+                for after in outcomes(state):
+                    yield transition, after
+
+
+def slide(system: System, starts: Iterable[State], invariants: Iterable[Expr], budget: int = 100_000) -> list[Step] | None:
+    """The shortest way in which automatic and effect transitions, in any order, lead to breaking an invariant.
+
+    The empty list if one of the starts breaks an invariant already, None if there is no way (Machines 2021, section
+    3). Effects and automatic transitions interleave freely here, and none counts as disabled: the late sensor may
+    still come.
+
+    Raises OverflowError after looking at `budget` states.
+    """
+    holds = meaning(conjunction(invariants), system.index)
+    moves = [(t, _compiled(system, t)) for t in system.transitions if t.kind.uncontrollable]
+    came_from: dict[State, Step | None] = dict.fromkeys(starts)
+    waiting = deque(came_from)
+    while waiting:
+        before = waiting.popleft()
+        if not holds(before):
+            return _steps_to(before, came_from)
+        for transition, outcomes in moves:
+            for after in outcomes(before):
+                if after not in came_from:
+                    came_from[after] = (transition, before)
+                    waiting.append(after)
+        if len(came_from) > budget:
+            raise OverflowError(f"more than {budget} states can follow without the planner")
+    return None
+
+
+def _steps_to(state: State, came_from: Mapping[State, Step | None]) -> list[Step]:
+    steps: list[Step] = []
+    while (origin := came_from[state]) is not None:
+        steps.append((origin[0], state))
+        state = origin[1]
+    return steps[::-1]
+
+
+def _compiled(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:
+    """`fire` for one transition, made once per system."""
+    if transition.name not in system.memo:
+        system.memo[transition.name] = _compile(system, transition)
+    return system.memo[transition.name]
+
+
+def _compile(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:
+    enabled = meaning(ready(system, transition), system.index)
+    fixed = [
+        (system.index[action.variable], meaning(action.value, system.index))
+        for action in transition.actions
+        if not isinstance(action.value, Any)
+    ]
+    free = [system.index[action.variable] for action in transition.actions if isinstance(action.value, Any)]
+    choices = list(product(*(system.variables[at].domain.values for at in free)))
+
+    def outcomes(state: State) -> tuple[State, ...]:
+        if not enabled(state):
+            return ()
+        after = list(state)
+        for at, value in fixed:
+            after[at] = value(state)
+        if not free:
+            return (tuple(after),)
+        reached = []
+        for choice in choices:
+            for at, chosen in zip(free, choice, strict=True):
+                after[at] = chosen
+            reached.append(tuple(after))
+        return tuple(new for new in reached if new != state)
+
+    return outcomes
+
+
+def _inside(system: System, action: Assignment) -> Expr:
+    """That the assigned value lies in the variable's domain; true where the types alone say so."""
+    if isinstance(action.value, Any):
+        return TRUE
+    domain = system.domains[action.variable]
+    match domain, possible(action.value, system.domains):
+        case Range(low, high), Range(least, most):
+            below, above = Less(action.value, Const(low)), Less(Const(high), action.value)
+            return conjunction([negation(b) for b, needed in ((below, least < low), (above, most > high)) if needed])
+        case Enum(words), Enum(others) if not set(others) <= set(words):
+            return disjunction(equality(action.value, Const(word)) for word in words if word in others)
+    return TRUE
+
+
+def _changing(system: System, transition: Transition) -> Expr:
+    return disjunction(
+        Const(len(system.domains[action.variable].values) > 1)
+        if isinstance(action.value, Any)
+        else negation(equality(action.value, Var(action.variable)))
+        for action in transition.actions
+    )
+
+
+def possible(expr: Expr, domains: Mapping[str, Domain]) -> Domain:
+    """A domain that holds every value an expression can have, judged by its shape alone."""
+    match expr:
+        case Var(name):
+            return domains[name]
+        case Const(value):
+            return Bool() if type(value) is bool else Range(value, value) if type(value) is int else Enum((str(value),))
+        case Named(_, part):
+            return possible(part, domains)
+        case Plus(left, right) | Minus(left, right):
+            a, b = possible(left, domains), possible(right, domains)
+            assert isinstance(a, Range) and isinstance(b, Range)
+            if isinstance(expr, Plus):
+                return Range(a.low + b.low, a.high + b.high)
+            return Range(a.low - b.high, a.high - b.low)
+        case If(_, then, otherwise):
+            a, b = possible(then, domains), possible(otherwise, domains)
+            if isinstance(a, Range) and isinstance(b, Range):
+                return Range(min(a.low, b.low), max(a.high, b.high))
+            if isinstance(a, Enum) and isinstance(b, Enum):
+                return Enum(tuple(dict.fromkeys(a.words + b.words)))
+    return Bool()

@@ -1,0 +1,92 @@
+"""What is asked of an engine, and what it may answer: values, no behaviour.
+
+`Problem` goes to an engine, a `Verdict` comes back. Verdicts are values, not exceptions: that there is no plan is an
+answer. Nothing here says whether an answer is right; `check` does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+from smv_planner.model.expressions import Expr, conjunction
+from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Formula, Until, all_of
+from smv_planner.model.semantics import settled
+from smv_planner.model.system import Invariant, State, System, Transition
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """`until U predicate`, where the predicate counts in settled states only (Machines 2021, section 4.2)."""
+
+    predicate: Expr
+    until: Formula = ALWAYS_TRUE
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A planning question: from `initial`, reach every goal with usable transitions, inside the allowed states.
+
+    `unusable` names transitions a plan may not use; they still count for the widening of invariants. `allowed` are
+    the invariants as widened: every state of a plan satisfies them. `bound` is the longest plan asked for, in steps.
+    """
+
+    system: System
+    initial: State
+    goals: tuple[Goal, ...]
+    allowed: tuple[Invariant, ...]
+    unusable: frozenset[str] = frozenset()
+    bound: int = 100
+
+    @cached_property
+    def usable(self) -> tuple[Transition, ...]:
+        return tuple(t for t in self.system.transitions if t.name not in self.unusable)
+
+    @cached_property
+    def settled(self) -> Expr:
+        return settled(self.system, self.usable)
+
+    @cached_property
+    def formula(self) -> Formula:
+        """What the plan's run must satisfy. Engines are asked to prove that none does."""
+        return all_of(Until(goal.until, Atom(conjunction([goal.predicate, self.settled]))) for goal in self.goals)
+
+
+@dataclass(frozen=True, slots=True)
+class Reached:
+    """A trace, as an engine reports it: names of transitions in order, and one state more than those."""
+
+    path: tuple[str, ...]
+    states: tuple[State, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class NotWithin:
+    """No plan of at most `bound` steps; nothing is said about longer ones. All that bounded model checking can say."""
+
+    bound: int
+
+
+@dataclass(frozen=True, slots=True)
+class Exhausted:
+    """Everything that can happen was looked at: each state with the obligations of the formula that are left there."""
+
+    reached: frozenset[tuple[State, int]]
+
+
+@dataclass(frozen=True, slots=True)
+class Unreachable:
+    """There is no plan of any length, and here is why."""
+
+    proof: Exhausted
+
+
+@dataclass(frozen=True, slots=True)
+class Undecided:
+    """No answer: out of time (`deadline`), or the engine broke (then `reason` has its last words)."""
+
+    reason: str
+    deadline: bool
+
+
+Verdict = Reached | NotWithin | Unreachable | Undecided
