@@ -1,0 +1,28 @@
+"""Which goals make a problem impossible (Machines 2021, sections 4.2 and 4.3): each alone, then minimal conflict sets."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+
+Possible = Callable[[tuple[int, ...]], bool]
+"""Whether the goals with these numbers can be reached together."""
+
+
+def culprits(goals: int, possible: Possible) -> list[tuple[int, ...]]:
+    """The smallest sets of goals, by number, that cannot be reached together; no set contains another.
+
+    All goals together are known to be impossible, so there is at least one.
+    """
+    alone: list[tuple[int, ...]] = [(goal,) for goal in range(goals) if not possible((goal,))]
+    if alone or goals == 1:
+        return alone or [(0,)]
+    for size in range(2, goals):
+        together: list[tuple[int, ...]] = [chosen for chosen in combinations(range(goals), size) if not possible(chosen)]
+        if together:
+            return together
+    return [tuple(range(goals))]
+
+
+def named(sets: Sequence[tuple[int, ...]], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:
+    return tuple(tuple(names[at] for at in chosen) for chosen in sets)

@@ -1,0 +1,54 @@
+"""One problem, one decision: an engine answers, and the checker has the last word."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
+from smv_planner.check.order import Order
+from smv_planner.errors import EngineError
+from smv_planner.planner.deorder import proposals
+from smv_planner.problem import NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
+
+Solve = Callable[[Problem], Verdict]
+"""Puts a problem to an engine."""
+
+Orders = Callable[[Problem, Reached], Iterable[Order]]
+"""Partial orders to try for a plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoPlan:
+    """Why there is none. Only `Unreachable` is certain; `Undecided` says nothing about the problem."""
+
+    verdict: NotWithin | Unreachable | Undecided
+    reason: str
+
+    @property
+    def decided(self) -> bool:
+        """Whether the engine came to an end: what was asked counts as having no plan."""
+        return not isinstance(self.verdict, Undecided)
+
+
+def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> CheckedPlan | NoPlan:
+    """Ask, and have the answer checked.
+
+    Raises EngineError if what the engine answers does not stand up to the checker.
+    """
+    verdict = solve(problem)
+    match verdict:
+        case Reached():
+            checked = check_plan(problem, verdict, orders(problem, verdict))
+            if isinstance(checked, Refused):
+                raise EngineError(f"the engine answered with a plan that its own trace does not bear out: {checked.reason}")
+            return checked
+        case Unreachable(proof):
+            refused = check_proof(problem, proof)
+            if refused:
+                raise EngineError(f"the engine claims that there is no plan, but {refused.reason}")
+            return NoPlan(verdict, f"all {len(proof.reached)} states that can follow were looked at, and none meets the goal")
+        case NotWithin(bound):
+            return NoPlan(verdict, f"there is no plan of at most {bound} steps; longer ones were not looked at")
+        case Undecided(reason):
+            return NoPlan(verdict, reason)

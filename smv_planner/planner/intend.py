@@ -1,0 +1,218 @@
+"""Plan intentions on two levels (Machines 2021, section 4): operations first, then stage by stage the transitions that
+carry them out from the predicted states. An operation that no transition plan can complete is disabled and the
+operations are planned again, as the transition runner would."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+from smv_planner.check import CheckedPlan
+from smv_planner.model.expressions import meaning
+from smv_planner.model.model import Intention, Model
+from smv_planner.model.system import State, System
+from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
+from smv_planner.planner.culprits import culprits
+from smv_planner.planner.decide import NoPlan, Solve, decide
+from smv_planner.planner.deorder import disjoint
+from smv_planner.planner.operations import Task, footprint, pose_operations, tasks
+from smv_planner.planner.reach import Start, plan_steps, unusable, violated, violations, warnings, without_plan
+from smv_planner.planner.stage import reached, stage_system, start
+from smv_planner.planner.widening import Widened
+from smv_planner.problem import Goal, Problem, Undecided, Unreachable
+
+Widen = Callable[[System], tuple[Widened, ...]]
+
+REPLANS = 20
+"""How often the operations may be planned anew because the predicted state is not what the operation plan expected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Levels:
+    """What both levels of planning need: how to ask an engine, how to widen, and the longest plan to look for."""
+
+    solve: Solve
+    widen: Widen
+    bound: int
+
+
+@dataclass(frozen=True, slots=True)
+class _Progress:
+    """What has been planned so far, and the state that it leads to."""
+
+    state: State
+    steps: tuple[PlanStep, ...] = ()
+    stages: tuple[Stage, ...] = ()
+    operations: tuple[PlannedOperation, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+    def with_stage(self, chosen: Sequence[tuple[Task, tuple[int, ...]]], plan: CheckedPlan) -> _Progress:
+        """After one more stage: its tasks, each with the indices of the operations it waits for, and its plan."""
+        index, first = len(self.stages), len(self.steps)
+        steps = plan_steps(plan, first, index, waits_for=_last(self.steps))
+        numbers = range(len(self.operations), len(self.operations) + len(chosen))
+        operations = (
+            PlannedOperation(number, task.operation.name, task.outcome.name, after)
+            for number, (task, after) in zip(numbers, chosen, strict=True)
+        )
+        return _Progress(
+            state=plan.trace.states[-1],
+            steps=self.steps + steps,
+            stages=(*self.stages, Stage(index, tuple(numbers), first, first + len(steps))),
+            operations=(*self.operations, *operations),
+            warnings=(*self.warnings, *(f"stage {index}: {warning}" for warning in warnings(plan))),
+        )
+
+
+def intend(model: Model, begin: Start, intentions: Sequence[Intention], levels: Levels, blank: Answer) -> Answer:
+    """Fill in `blank` with the plan for some intentions.
+
+    Raises EngineError if what an engine answers does not stand up to the checker.
+    """
+    found = violations(model.system, begin.state, begin.widened)
+    if found:
+        return violated(blank, found)
+    disabled: dict[str, NoPlan] = {}
+    progress = _Progress(begin.state)
+    for _ in range(len(tasks(model)) + REPLANS):
+        plan = plan_operations(model, progress.state, intentions, frozenset(disabled), levels)
+        if isinstance(plan, NoPlan):
+            return _no_operations(model, progress.state, intentions, disabled, levels, blank, plan)
+        progress, stopped = _carry_out(model, plan, progress, levels)
+        match stopped:
+            case None:
+                return _reached(model, blank, progress, disabled)
+            case NoPlan():
+                return without_plan(replace(blank, disabled=tuple(disabled)), stopped)
+            case dict() if stopped:
+                disabled |= stopped
+                progress = _Progress(begin.state)
+    circles = f"the operations were planned again {REPLANS} times and still do not do what they promise"
+    return without_plan(replace(blank, disabled=tuple(disabled)), NoPlan(Undecided(circles, deadline=False), circles))
+
+
+def plan_operations(
+    model: Model, state: State, intentions: Sequence[Intention], disabled: frozenset[str], levels: Levels
+) -> CheckedPlan | NoPlan:
+    """The operation plan, de-ordered: two operations without a common variable may run at the same time."""
+    variables = {task.name: footprint(model, task) for task in tasks(model)}
+    problem = pose_operations(model, state, intentions, disabled, levels.bound)
+    return decide(problem, levels.solve, lambda problem, trace: disjoint(problem, trace, variables))
+
+
+Stopped = dict[str, NoPlan] | NoPlan | None
+"""Why carrying out ended early: tasks that cannot be completed (none: plan the operations again from the state
+reached), or no answer at all; None if it did not."""
+
+
+def _carry_out(model: Model, plan: CheckedPlan, progress: _Progress, levels: Levels) -> tuple[_Progress, Stopped]:
+    """Plan the transitions of every stage of an operation plan."""
+    by_name = {task.name: task for task in tasks(model)}
+    chosen = [by_name[name] for name in plan.trace.path]
+    offset = len(progress.operations)
+    placed: dict[int, int] = {}  # position in the operation plan -> index in the answer
+    waiting = stages(plan)
+    while waiting:
+        stage = waiting.pop(0)
+        now = [chosen[at] for at in stage]
+        if not all(meaning(task.operation.guard, model.system.index)(progress.state) for task in now):
+            return progress, {}
+        problem = pose_stage(model, progress.state, now, levels)
+        result = decide(problem, levels.solve)
+        if isinstance(result, CheckedPlan):
+            placed |= {at: offset + len(placed) + number for number, at in enumerate(stage)}
+            after = [tuple(sorted(placed[other] for other in plan.after[at])) for at in stage]
+            progress = progress.with_stage(list(zip(now, after, strict=True)), result)
+        elif not result.decided:
+            return progress, result
+        else:
+            sets = _culprits(problem, levels, result)
+            if isinstance(sets, NoPlan):
+                return progress, sets
+            failed = [goals[0] for goals in sets if len(goals) == 1]
+            if failed:
+                return progress, {now[goal].name: result for goal in failed}
+            waiting[:0] = [[at] for at in stage]  # each is possible, together they are not: one after the other
+    return progress, None
+
+
+def pose_stage(model: Model, state: State, chosen: Sequence[Task], levels: Levels) -> Problem:
+    """Which transitions bring about the post-conditions of operations that start together in `state`?"""
+    begun, executing = start(model, state, chosen)
+    system = stage_system(model, executing)
+    return Problem(
+        system=system,
+        initial=begun,
+        goals=tuple(Goal(reached(model, execution.post)) for execution in executing),
+        allowed=tuple(widened.invariant for widened in levels.widen(system)),
+        unusable=unusable(system, maintenance=False),
+        bound=levels.bound,
+    )
+
+
+def stages(plan: CheckedPlan) -> list[list[int]]:
+    """The steps of an operation plan by the stage in which they may start: all they wait for is in earlier ones."""
+    level: list[int] = []
+    for after in plan.after:
+        level.append(1 + max((level[other] for other in after), default=-1))
+    return [[at for at, own in enumerate(level) if own == stage] for stage in range(max(level, default=-1) + 1)]
+
+
+def _culprits(problem: Problem, levels: Levels, whole: NoPlan) -> list[tuple[int, ...]] | NoPlan:
+    """The smallest sets of goals that have no plan (sections 4.2 and 4.3); NoPlan if that could not be decided."""
+    undecided: list[NoPlan] = []
+
+    def possible(goals: tuple[int, ...]) -> bool:
+        if len(goals) == len(problem.goals):
+            return False
+        result = decide(replace(problem, goals=tuple(problem.goals[at] for at in goals)), levels.solve)
+        if isinstance(result, NoPlan) and not result.decided:
+            undecided.append(result)
+        return isinstance(result, CheckedPlan)
+
+    sets = culprits(len(problem.goals), possible)
+    return undecided[0] if undecided else sets
+
+
+def _no_operations(
+    model: Model,
+    state: State,
+    intentions: Sequence[Intention],
+    disabled: dict[str, NoPlan],
+    levels: Levels,
+    blank: Answer,
+    result: NoPlan,
+) -> Answer:
+    """No operation plan: name the intentions that are the cause, and the operations that had to be left out."""
+    blank = replace(blank, disabled=tuple(disabled))
+    if not result.decided:
+        return without_plan(blank, result)
+    sets = _culprits(pose_operations(model, state, intentions, frozenset(disabled), levels.bound), levels, result)
+    if isinstance(sets, NoPlan):
+        return without_plan(blank, sets)
+    unproved = next((why for why in disabled.values() if not isinstance(why.verdict, Unreachable)), result)
+    failed = [f"operation '{name}' cannot be completed: {why.reason}" for name, why in disabled.items()]
+    reason = "; ".join(failed or [result.reason])
+    names = tuple(tuple(intentions[at].name for at in goals) for goals in sets)
+    return without_plan(replace(blank, culprits=names), NoPlan(unproved.verdict, reason))
+
+
+def _reached(model: Model, blank: Answer, progress: _Progress, disabled: dict[str, NoPlan]) -> Answer:
+    left_out = [f"operation '{name}' had to be left out: {why.reason}" for name, why in disabled.items()]
+    return replace(
+        blank,
+        verdict="reached",
+        checked=True,
+        steps=progress.steps,
+        stages=progress.stages,
+        operations=progress.operations,
+        disabled=tuple(disabled),
+        final=model.system.named(progress.state),
+        warnings=(*blank.warnings, *left_out, *progress.warnings),
+    )
+
+
+def _last(steps: Sequence[PlanStep]) -> tuple[int, ...]:
+    """The steps that nothing waits for: a new stage starts after them."""
+    waited_for = {other for step in steps for other in step.after}
+    return tuple(step.index for step in steps if step.index not in waited_for)

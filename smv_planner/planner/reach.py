@@ -1,0 +1,144 @@
+"""Plan transitions straight to goals: look at the start, ask, and put the checked plan into an answer."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+from smv_planner.check import CheckedPlan
+from smv_planner.model.expressions import conjunction, meaning
+from smv_planner.model.model import Model
+from smv_planner.model.semantics import slide
+from smv_planner.model.system import Invariant, Kind, State, System
+from smv_planner.planner.answer import Answer, PlanStep, Stage, Violation
+from smv_planner.planner.decide import NoPlan, Solve, decide
+from smv_planner.planner.prompt import needs_late_effects
+from smv_planner.planner.widening import Widened
+from smv_planner.problem import Goal, NotWithin, Problem, Undecided, Unreachable
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """Where planning starts, under which widened invariants, and whether the operator may be asked for maintenance."""
+
+    state: State
+    widened: tuple[Widened, ...]
+    maintenance: bool = False
+
+
+def pose(model: Model, start: Start, goals: Iterable[Goal], bound: int) -> Problem:
+    """The problem that an engine is asked to solve."""
+    return Problem(
+        system=model.system,
+        initial=start.state,
+        goals=tuple(goals),
+        allowed=tuple(widened.invariant for widened in start.widened),
+        unusable=unusable(model.system, start.maintenance),
+        bound=bound,
+    )
+
+
+def unusable(system: System, maintenance: bool) -> frozenset[str]:
+    """What no plan may use: effects that are not expected and, unless asked for, maintenance."""
+    return frozenset(t.name for t in system.transitions if not t.expected or (t.kind is Kind.MAINTENANCE and not maintenance))
+
+
+def violations(system: System, state: State, widened: Iterable[Widened]) -> tuple[Violation, ...]:
+    """The invariants that a state breaks, or from which the system may slide into breaking them."""
+    found = []
+    for one in widened:
+        if not meaning(one.invariant.predicate, system.index)(state):
+            now = not meaning(one.declared.predicate, system.index)(state)
+            found.append(Violation(one.declared.name, now, slide=() if now else _slide(system, state, one.declared)))
+    return tuple(found)
+
+
+def _slide(system: System, state: State, invariant: Invariant) -> tuple[str, ...]:
+    """The transitions by which a state slides into breaking an invariant; empty if that is too long to find out."""
+    try:
+        way = slide(system, [state], [invariant.predicate])
+    except OverflowError:
+        return ()
+    assert way, f"the widening of '{invariant.name}' forbids a state that cannot slide"
+    return tuple(step[0].name for step in way)
+
+
+def reach(problem: Problem, blank: Answer, start: Start, solve: Solve) -> Answer:
+    """Fill in `blank` with the verdict on a problem.
+
+    Raises EngineError if what the engine answers does not stand up to the checker.
+    """
+    found = violations(problem.system, start.state, start.widened)
+    if found:
+        return violated(blank, found)
+    result = decide(problem, solve)
+    if isinstance(result, NoPlan):
+        return without_plan(blank, result)
+    steps = plan_steps(result)
+    return replace(
+        blank,
+        verdict="reached",
+        checked=True,
+        steps=steps,
+        stages=(Stage(0, (), 0, len(steps)),),
+        final=problem.system.named(result.trace.states[-1]),
+        warnings=warnings(result),
+    )
+
+
+def leave_forbidden(model: Model, begin: Start, bound: int, blank: Answer, solve: Solve) -> Answer:
+    """Plan the way out of forbidden states (Machines 2021, section 4.6).
+
+    The invariants violated now, as widened, are lifted; the goal is that all hold again. Maintenance may be asked for,
+    nothing is frozen, and an operator has to approve every step.
+    """
+    found = violations(model.system, begin.state, begin.widened)
+    broken = {violation.invariant for violation in found}
+    held = tuple(widened for widened in begin.widened if widened.declared.name not in broken)
+    goal = Goal(conjunction(widened.invariant.predicate for widened in begin.widened))
+    way_out = replace(begin, widened=held, maintenance=True)
+    answer = reach(pose(model, way_out, [goal], bound), blank, way_out, solve)
+    approve = ("an operator has to approve every step: the plan starts in a forbidden state",) if found else ()
+    return replace(answer, violations=found, warnings=(*approve, *answer.warnings))
+
+
+def violated(blank: Answer, found: tuple[Violation, ...]) -> Answer:
+    names = ", ".join(f"'{violation.invariant}'" for violation in found)
+    reason = f"the start violates {names}, or may slide into violating it without any command"
+    return replace(blank, verdict="invariant_violated", checked=True, violations=found, reason=reason)
+
+
+def without_plan(blank: Answer, result: NoPlan) -> Answer:
+    match result.verdict:
+        case Unreachable():
+            return replace(blank, verdict="unreachable", proof="exhausted", checked=True, reason=result.reason)
+        case NotWithin():
+            return replace(blank, verdict="not_within", reason=result.reason)
+        case Undecided(_, deadline):
+            return replace(blank, verdict="undecided", reason=result.reason, deadline=deadline)
+
+
+def plan_steps(plan: CheckedPlan, first: int = 0, stage: int = 0, waits_for: tuple[int, ...] = ()) -> tuple[PlanStep, ...]:
+    """A checked plan's steps, numbered from `first`; those that wait for none of it wait for the steps `waits_for`."""
+    system, trace = plan.problem.system, plan.trace
+    steps = []
+    for at, (name, after) in enumerate(zip(trace.path, plan.after, strict=True)):
+        transition = system.transition[name]
+        steps.append(
+            PlanStep(
+                index=first + at,
+                transition=name,
+                kind=transition.kind.value,
+                after=tuple(first + other for other in after) or waits_for,
+                changes=system.changes(trace.states[at], trace.states[at + 1]),
+                stage=stage,
+                operation=name.partition(".complete")[0] if transition.kind is Kind.OPERATION else None,
+                instruction=transition.instruction,
+            )
+        )
+    return tuple(steps)
+
+
+def warnings(plan: CheckedPlan) -> tuple[str, ...]:
+    late = needs_late_effects(plan.problem, plan.trace)
+    return (late,) if late else ()

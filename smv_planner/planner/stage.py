@@ -1,0 +1,142 @@
+"""The transition planner's problem for operations that execute together (Machines 2021, section 4.3)."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from smv_planner.model.domains import Value
+from smv_planner.model.expressions import (
+    FALSE,
+    TRUE,
+    Const,
+    Expr,
+    Var,
+    conjunction,
+    disjunction,
+    equality,
+    meaning,
+    negation,
+    variables_of,
+)
+from smv_planner.model.model import Model, Operation, Outcome
+from smv_planner.model.semantics import may_fire
+from smv_planner.model.system import Any, Assignment, Invariant, Kind, State, System, Transition
+from smv_planner.planner.operations import Task, post_condition, tasks_of
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """An executing operation with the outcome that is planned for.
+
+    `posts` are the post-conditions of all its outcomes, as values of decision variables, fixed when it started.
+    """
+
+    task: Task
+    posts: Mapping[str, Mapping[str, Value]]
+
+    @property
+    def post(self) -> Mapping[str, Value]:
+        return self.posts[self.task.name]
+
+
+def start(model: Model, state: State, chosen: Sequence[Task]) -> tuple[State, tuple[Execution, ...]]:
+    """Start operations: their `on_start` effects are applied, their post-conditions fixed (Def. 5)."""
+    values = list(state)
+    for task in chosen:
+        for action in task.operation.on_start:
+            if action.variable in model.system.index and not isinstance(action.value, Any):
+                values[model.system.index[action.variable]] = meaning(action.value, model.system.index)(state)
+    executing = (
+        Execution(task, {peer.name: post_condition(model, peer, state) for peer in tasks_of(task.operation)}) for task in chosen
+    )
+    return tuple(values), tuple(executing)
+
+
+def stage_system(model: Model, executing: Sequence[Execution]) -> System:
+    """The resources with the completions of all operations; only an operation that executes can complete.
+
+    Decision variables that operations assign, and that no executing operation's goal mentions, are frozen (ordered
+    monotonic abstraction). A state in which something uncontrollable would change one is forbidden; maintenance may.
+    """
+    frozen = frozen_variables(model, executing)
+    running = {execution.task.operation.name: execution for execution in executing}
+    held = (_held(transition, frozen) for transition in model.transitions)
+    completions = (
+        _completion(model, operation, outcome, running.get(operation.name))
+        for operation in model.operations
+        for outcome in operation.outcomes
+        if outcome.goal is not None
+    )
+    system = System(model.variables, (*held, *completions), model.invariants)
+    return replace(system, invariants=(*system.invariants, *_frozen_invariants(system, frozen)))
+
+
+def reached(model: Model, post: Mapping[str, Value]) -> Expr:
+    """That a post-condition holds, as a predicate on states of the resources."""
+    copies = {copy.name: copy.value for copy in model.copies}
+    return conjunction(equality(copies.get(name, Var(name)), Const(value)) for name, value in post.items())
+
+
+def frozen_variables(model: Model, executing: Iterable[Execution]) -> tuple[str, ...]:
+    """The decision variables that some operation assigns and no executing operation's goal mentions, in order."""
+    assigned = {
+        action.variable
+        for operation in model.operations
+        for actions in (operation.on_start, *(outcome.effects for outcome in operation.outcomes))
+        for action in actions
+    }
+    mentioned: set[str] = set()
+    for execution in executing:
+        for outcome in execution.task.operation.outcomes:
+            mentioned |= variables_of(outcome.goal) if outcome.goal else frozenset()
+        mentioned.update(*execution.posts.values())
+    return tuple(v.name for v in model.variables if v.name in assigned - mentioned)
+
+
+def completion_name(operation: Operation, outcome: Outcome) -> str:
+    return f"{operation.name}.complete" if outcome.name is None else f"{operation.name}.complete.{outcome.name}"
+
+
+def _completion(model: Model, operation: Operation, outcome: Outcome, execution: Execution | None) -> Transition:
+    """The automatic transition that completes an operation with an outcome; without `execution` it can never fire.
+
+    Its guard joins the low-level goal with the synchronised transition's; no outcome comes after another.
+    """
+    assert outcome.goal is not None
+    name = completion_name(operation, outcome)
+    if execution is None:
+        return Transition(name, Kind.OPERATION, FALSE, ())
+    post = execution.posts[Task(operation, outcome).name]
+    synchronised = model.system.transition[operation.synchronised] if operation.synchronised else None
+    open_yet = [negation(reached(model, other)) for other in execution.posts.values() if other]
+    guard = conjunction([outcome.goal, synchronised.guard if synchronised else TRUE, *open_yet])
+    effects = [Assignment(variable, Const(value)) for variable, value in post.items() if variable in model.system.index]
+    actions = (*(synchronised.actions if synchronised else ()), *effects)
+    return Transition(name, Kind.OPERATION, guard, actions)
+
+
+def _held(transition: Transition, frozen: Sequence[str]) -> Transition:
+    """A controlled transition that leaves frozen variables as they are; others are as they were."""
+    if transition.kind is not Kind.CONTROLLED or transition.assigned.isdisjoint(frozen):
+        return transition
+    kept = (_keeps(action) for action in transition.actions if action.variable in frozen)
+    return replace(transition, guard=conjunction([transition.guard, *kept]))
+
+
+def _keeps(action: Assignment) -> Expr:
+    return FALSE if isinstance(action.value, Any) else equality(action.value, Var(action.variable))
+
+
+def _frozen_invariants(system: System, frozen: Sequence[str]) -> Iterable[Invariant]:
+    """For each frozen variable: nothing uncontrollable is about to change it."""
+    for name in frozen:
+        changes = [
+            conjunction([may_fire(system, transition), negation(_keeps(action))])
+            for transition in system.transitions
+            if transition.kind.uncontrollable
+            for action in transition.actions
+            if action.variable == name
+        ]
+        if any(change != FALSE for change in changes):
+            yield Invariant(f"frozen {name}", negation(disjunction(changes)))
