@@ -32,7 +32,7 @@ from smv_planner.model.expressions import (
 from smv_planner.model.ltl import Atom, Formula
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, State, System, Transition, Variable, VariableKind
-from smv_planner.planner.reach import unusable
+from smv_planner.planner.reach import Start
 from smv_planner.planner.widening import widen
 from smv_planner.problem import Goal, Problem
 
@@ -41,14 +41,14 @@ BOUND = 25
 
 def system(seed: int) -> System:
     """A system with its invariants, whether or not its start is allowed."""
-    return _Maker(Random(seed)).system()
+    return Maker(Random(seed)).system()
 
 
 @cache
 def question(seed: int) -> Problem:
     """A question whose start is allowed."""
     random = Random(seed)
-    made = _Maker(random)
+    made = Maker(random)
     system = made.system()
     allowed = []
     with Predicates(system.domains) as predicates:
@@ -57,13 +57,13 @@ def question(seed: int) -> Problem:
                 allowed.append(widened.invariant)
     kept = {invariant.name for invariant in allowed}
     system = replace(system, invariants=tuple(i for i in system.invariants if i.name in kept))
-    lost = frozenset(t.name for t in system.transitions if random.random() < 0.03)
+    disabled = frozenset(t.name for t in system.transitions if random.random() < 0.03)
     blank = Problem(
         system=system,
         initial=system.initial,
         goals=(),
         allowed=tuple(allowed),
-        unusable=unusable(system, maintenance=random.random() < 0.3) | lost,
+        unusable=Start(system.initial, (), maintenance=random.random() < 0.3, disabled=disabled).unusable(system),
         bound=BOUND,
     )
     somewhere = _wander(random, blank)
@@ -82,7 +82,7 @@ def _wander(random: Random, problem: Problem) -> State:
 
 
 @dataclass
-class _Maker:
+class Maker:
     random: Random
 
     def __post_init__(self) -> None:

@@ -64,7 +64,7 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
     steps = Steps(problem.system, problem.usable)
     monitor = Monitor(problem.formula, problem.system.index)
     everything = (1 << len(groups)) - 1
-    start = (0, problem.initial, (monitor.start,))
+    start: tuple[int, State, tuple[Obligations, ...]] = (0, problem.initial, (monitor.start,))
     seen, waiting = {start}, [start]
     visited = {problem.initial}
     while waiting:
@@ -79,7 +79,7 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
             run = _fire(problem, steps, trace, group, state)
             if run is None:
                 return None
-            ways: tuple[Obligations, ...] = owed
+            ways = owed
             for before in run[:-1]:
                 ways = _advance(monitor, ways, before)
             visited.update(run)

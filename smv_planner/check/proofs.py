@@ -10,11 +10,16 @@ from smv_planner.problem import Exhausted, Problem
 
 
 def check_proof(problem: Problem, proof: Exhausted) -> Refused | None:
-    """None if the proof holds: the set has the start in it, no step leads out of it, and no state of it is a goal."""
+    """None if the proof holds: the set has the start in it, no step leads out of it, and no state of it is a goal.
+
+    A start that is not allowed needs no further proof.
+    """
     steps = Steps(problem.system, problem.usable)
     monitor = Monitor(problem.formula, problem.system.index)
     allowed = meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)
-    if allowed(problem.initial) and (problem.initial, monitor.start) not in proof.reached:
+    if not allowed(problem.initial):
+        return None
+    if (problem.initial, monitor.start) not in proof.reached:
         return Refused("the proof leaves out the initial state")
     for state, owed in proof.reached:
         if steps.settled(state) and monitor.met_by_idling(owed, state):

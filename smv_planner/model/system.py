@@ -125,6 +125,11 @@ class System:
         return {variable.name: variable.domain for variable in self.variables}
 
     @cached_property
+    def resources(self) -> Mapping[str, str | None]:
+        """Which resource each variable belongs to; None for decision variables."""
+        return {variable.name: variable.resource for variable in self.variables}
+
+    @cached_property
     def transition(self) -> Mapping[str, Transition]:
         """Transitions by name."""
         return {transition.name: transition for transition in self.transitions}

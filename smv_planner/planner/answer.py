@@ -22,6 +22,8 @@ class Question:
     settings: Mapping[str, Value] = field(default_factory=dict)
     maintenance: bool = False
     lifted: tuple[str, ...] = ()
+    disabled: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,6 +123,8 @@ class Answer:
                 "set": dict(question.settings),
                 "maintenance": question.maintenance,
                 "lifted": list(question.lifted),
+                "disabled": list(question.disabled),
+                "lost": list(question.lost),
             },
             "verdict": self.verdict,
             "length": self.length,

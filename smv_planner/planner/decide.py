@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
 from smv_planner.errors import EngineError
+from smv_planner.model.expressions import meaning
 from smv_planner.planner.deorder import proposals
-from smv_planner.problem import NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
+from smv_planner.problem import Exhausted, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
 
 Solve = Callable[[Problem], Verdict]
 """Puts a problem to an engine."""
@@ -32,10 +33,14 @@ class NoPlan:
 
 
 def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> CheckedPlan | NoPlan:
-    """Ask, and have the answer checked.
+    """Ask, and have the answer checked. A problem whose start is forbidden is not even asked.
 
     Raises EngineError if what the engine answers does not stand up to the checker.
     """
+    broken = [i.name for i in problem.allowed if not meaning(i.predicate, problem.system.index)(problem.initial)]
+    if broken:
+        reason = f"nothing keeps '{broken[0]}' from being violated in the state where it would start"
+        return NoPlan(Unreachable(Exhausted(frozenset())), reason)
     verdict = solve(problem)
     match verdict:
         case Reached():

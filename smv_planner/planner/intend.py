@@ -8,18 +8,19 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
-from smv_planner.model.expressions import meaning
+from smv_planner.model.expressions import TRUE, meaning
 from smv_planner.model.model import Intention, Model
-from smv_planner.model.system import State, System
+from smv_planner.model.semantics import Steps
+from smv_planner.model.system import Invariant, State, System
 from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
 from smv_planner.planner.culprits import culprits
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint
 from smv_planner.planner.operations import Task, footprint, pose_operations, tasks
-from smv_planner.planner.reach import Start, plan_steps, unusable, violated, violations, warnings, without_plan
+from smv_planner.planner.reach import Start, plan_steps, pose, violated, violations, warnings, without_plan
 from smv_planner.planner.stage import reached, stage_system, start
 from smv_planner.planner.widening import Widened
-from smv_planner.problem import Goal, Problem, Undecided, Unreachable
+from smv_planner.problem import Goal, NotWithin, Problem, Unreachable
 
 Widen = Callable[[System], tuple[Widened, ...]]
 
@@ -29,11 +30,16 @@ REPLANS = 20
 
 @dataclass(frozen=True, slots=True)
 class Levels:
-    """What both levels of planning need: how to ask an engine, how to widen, and the longest plan to look for."""
+    """What both levels of planning need: what may be used, how to ask an engine, how to widen, the longest plan."""
 
+    begin: Start
     solve: Solve
     widen: Widen
     bound: int
+
+    def allowed(self, system: System) -> tuple[Invariant, ...]:
+        """The system's invariants as widened, without those that are lifted."""
+        return tuple(w.invariant for w in self.widen(system) if w.declared.name not in self.begin.lifted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,16 +70,20 @@ class _Progress:
         )
 
 
-def intend(model: Model, begin: Start, intentions: Sequence[Intention], levels: Levels, blank: Answer) -> Answer:
+def intend(model: Model, intentions: Sequence[Intention], levels: Levels, blank: Answer) -> Answer:
     """Fill in `blank` with the plan for some intentions.
 
     Raises EngineError if what an engine answers does not stand up to the checker.
     """
+    begin = levels.begin
     found = violations(model.system, begin.state, begin.widened)
     if found:
         return violated(blank, found)
     disabled: dict[str, NoPlan] = {}
-    progress = _Progress(begin.state)
+    first = _settled(model, levels)
+    if isinstance(first, NoPlan):
+        return without_plan(blank, first)
+    progress = first
     for _ in range(len(tasks(model)) + REPLANS):
         plan = plan_operations(model, progress.state, intentions, frozenset(disabled), levels)
         if isinstance(plan, NoPlan):
@@ -86,9 +96,20 @@ def intend(model: Model, begin: Start, intentions: Sequence[Intention], levels: 
                 return without_plan(replace(blank, disabled=tuple(disabled)), stopped)
             case dict() if stopped:
                 disabled |= stopped
-                progress = _Progress(begin.state)
-    circles = f"the operations were planned again {REPLANS} times and still do not do what they promise"
-    return without_plan(replace(blank, disabled=tuple(disabled)), NoPlan(Undecided(circles, deadline=False), circles))
+                progress = first
+    circles = f"the operations were planned {REPLANS} times, and each plan undoes what its own operations count on"
+    culprits = (tuple(intention.name for intention in intentions),)
+    return without_plan(replace(blank, disabled=tuple(disabled), culprits=culprits), NoPlan(NotWithin(levels.bound), circles))
+
+
+def _settled(model: Model, levels: Levels) -> _Progress | NoPlan:
+    """Where planning begins: automatic transitions that are due come before any operation starts."""
+    begin = levels.begin
+    problem = pose(model, begin, [Goal(TRUE)], levels.bound)
+    if Steps(model.system, problem.usable).settled(begin.state):
+        return _Progress(begin.state)
+    result = decide(problem, levels.solve)
+    return result if isinstance(result, NoPlan) else _Progress(begin.state).with_stage([], result)
 
 
 def plan_operations(
@@ -144,8 +165,8 @@ def pose_stage(model: Model, state: State, chosen: Sequence[Task], levels: Level
         system=system,
         initial=begun,
         goals=tuple(Goal(reached(model, execution.post)) for execution in executing),
-        allowed=tuple(widened.invariant for widened in levels.widen(system)),
-        unusable=unusable(system, maintenance=False),
+        allowed=levels.allowed(system),
+        unusable=levels.begin.unusable(system),
         bound=levels.bound,
     )
 

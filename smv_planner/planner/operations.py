@@ -79,11 +79,10 @@ def _as_step(model: Model, task: Task) -> Transition:
 
 
 def pose_operations(model: Model, state: State, intentions: Iterable[Intention], disabled: frozenset[str], bound: int) -> Problem:
-    """Which operations reach the goals of the intentions, each as `formula U goal`, without the `disabled` ones?"""
+    """Which operations reach the goals of the intentions, each as `formula U goal`, without the `disabled` tasks?"""
     system = operation_system(model, state)
     goals = (Goal(abstracted(model, i.goal), _abstracted_formula(model, i.formula)) for i in intentions)
-    unusable = frozenset(task.name for task in tasks(model) if task.operation.name in disabled)
-    return Problem(system, system.initial, tuple(goals), system.invariants, unusable, bound)
+    return Problem(system, system.initial, tuple(goals), system.invariants, disabled, bound)
 
 
 def _abstracted_formula(model: Model, formula: Formula | None) -> Formula:

@@ -9,7 +9,7 @@ from smv_planner.check import CheckedPlan
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.model import Model
 from smv_planner.model.semantics import slide
-from smv_planner.model.system import Invariant, Kind, State, System
+from smv_planner.model.system import Invariant, Kind, State, System, Transition
 from smv_planner.planner.answer import Answer, PlanStep, Stage, Violation
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.prompt import needs_late_effects
@@ -19,28 +19,40 @@ from smv_planner.problem import Goal, NotWithin, Problem, Undecided, Unreachable
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """Where planning starts, under which widened invariants, and whether the operator may be asked for maintenance."""
+    """Where planning starts, under which widened invariants (without the `lifted` ones), and what may be used.
+
+    Maintenance may be asked for or not; `disabled` transitions (an effect that timed out) and those of `lost` resources
+    are not planned on, although they may still happen.
+    """
 
     state: State
     widened: tuple[Widened, ...]
+    lifted: frozenset[str] = frozenset()
     maintenance: bool = False
+    disabled: frozenset[str] = frozenset()
+    lost: frozenset[str] = frozenset()
+
+    def unusable(self, system: System) -> frozenset[str]:
+        """What no plan may use, effects that are not expected included."""
+        return frozenset(t.name for t in system.transitions if not self._usable(system, t))
+
+    def _usable(self, system: System, transition: Transition) -> bool:
+        if transition.kind is Kind.MAINTENANCE:  # a person can do it even if the resource is lost
+            return self.maintenance
+        touched = {system.resources[name] for name in transition.assigned} | {transition.resource}
+        return transition.expected and transition.name not in self.disabled and self.lost.isdisjoint(touched)
 
 
-def pose(model: Model, start: Start, goals: Iterable[Goal], bound: int) -> Problem:
+def pose(model: Model, begin: Start, goals: Iterable[Goal], bound: int) -> Problem:
     """The problem that an engine is asked to solve."""
     return Problem(
         system=model.system,
-        initial=start.state,
+        initial=begin.state,
         goals=tuple(goals),
-        allowed=tuple(widened.invariant for widened in start.widened),
-        unusable=unusable(model.system, start.maintenance),
+        allowed=tuple(widened.invariant for widened in begin.widened),
+        unusable=begin.unusable(model.system),
         bound=bound,
     )
-
-
-def unusable(system: System, maintenance: bool) -> frozenset[str]:
-    """What no plan may use: effects that are not expected and, unless asked for, maintenance."""
-    return frozenset(t.name for t in system.transitions if not t.expected or (t.kind is Kind.MAINTENANCE and not maintenance))
 
 
 def violations(system: System, state: State, widened: Iterable[Widened]) -> tuple[Violation, ...]:
@@ -63,12 +75,12 @@ def _slide(system: System, state: State, invariant: Invariant) -> tuple[str, ...
     return tuple(step[0].name for step in way)
 
 
-def reach(problem: Problem, blank: Answer, start: Start, solve: Solve) -> Answer:
+def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve) -> Answer:
     """Fill in `blank` with the verdict on a problem.
 
     Raises EngineError if what the engine answers does not stand up to the checker.
     """
-    found = violations(problem.system, start.state, start.widened)
+    found = violations(problem.system, begin.state, begin.widened)
     if found:
         return violated(blank, found)
     result = decide(problem, solve)

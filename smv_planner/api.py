@@ -1,0 +1,227 @@
+"""Questions from Python: load a scenario, ask for a plan, export the question as SMV text.
+
+This is the composition root of one-shot planning: the pure planner meets the engines and the clock here.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from smv_planner import language
+from smv_planner.errors import EngineError, Mistake, UsageError, did_you_mean
+from smv_planner.model.domains import Value
+from smv_planner.model.expressions import meaning
+from smv_planner.model.ltl import ALWAYS_TRUE
+from smv_planner.model.model import Intention, Model
+from smv_planner.model.system import System
+from smv_planner.planner import intend, reach
+from smv_planner.planner.answer import Answer, Question
+from smv_planner.planner.widening import Widened, widen
+from smv_planner.problem import Goal, Problem, Verdict
+
+if TYPE_CHECKING:
+    from smv_planner.export.smv import Encoding
+
+DEFAULT_ENGINE = "nusmv"
+DEFAULT_BOUND = 100
+DEFAULT_DEADLINE = 60.0
+MEMORY = 4 << 30
+"""Bytes an engine may use."""
+
+
+def plan(
+    model: Model,
+    goal: str | Iterable[str] | None = None,
+    *,
+    intentions: Iterable[str] = (),
+    exit_forbidden: bool = False,
+    formula: str | None = None,
+    set: Mapping[str, Value] | None = None,
+    maintenance: bool = False,
+    lift: Iterable[str] = (),
+    disable: Iterable[str] = (),
+    lose: Iterable[str] = (),
+    engine: str = DEFAULT_ENGINE,
+    bound: int = DEFAULT_BOUND,
+    deadline: float = DEFAULT_DEADLINE,
+    smv: str | Path | None = None,
+    progress: Callable[[str], None] = lambda text: None,
+) -> Answer:
+    """Answer one planning question, from the model's initial state changed by `set`.
+
+    With `goal`: plan transitions straight to every goal; several need not hold at once. With `formula` each is asked as
+    `formula U goal` (Machines 2021, section 4.2). With `exit_forbidden`: plan the way back to where all invariants hold
+    (section 4.6). With neither: plan the named `intentions`, or all whose start holds, on two levels (section 4).
+
+    `lift` names invariants to plan without, `disable` transitions (an effect that timed out) and `lose` resources (a hub
+    that is silent) that a plan may not count on. `deadline` is in seconds, `bound` in steps. `smv` writes what the engine is
+    asked as SMV text: to a file, or for several questions to numbered files in that folder. Every plan has been
+    accepted by the checker, which does not depend on the engine.
+
+    Raises UsageError for mistakes in the question and EngineError for an engine that is missing or lies.
+    """
+    began = time.monotonic()
+    asked = Question(
+        goals=() if goal is None else (goal,) if isinstance(goal, str) else tuple(goal),
+        intentions=tuple(intentions),
+        exit_forbidden=exit_forbidden,
+        formula=formula,
+        settings=dict(set or {}),
+        maintenance=maintenance,
+        lifted=tuple(lift),
+        disabled=tuple(disable),
+        lost=tuple(lose),
+    )
+    ask = _Engine(engine, began + deadline, progress, Path(smv) if smv is not None else None, several=not asked.goals)
+    begin = start(model, asked)
+    blank = Answer(
+        model=model.name,
+        model_hash=model.hash,
+        question=asked,
+        engine=engine,
+        bound=bound,
+        initial=model.system.named(begin.state),
+        verdict="undecided",
+    )
+    if asked.goals:
+        answer = reach.reach(pose(model, asked, bound), blank, begin, ask)
+    elif exit_forbidden:
+        answer = reach.leave_forbidden(model, begin, bound, blank, ask)
+    else:
+        chosen = active_intentions(model, asked, begin)
+        blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
+        if not chosen:
+            blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
+        answer = intend.intend(model, chosen, intend.Levels(begin, ask, widened_system, bound), blank)
+    return replace(answer, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
+
+
+def pose(model: Model, asked: Question, bound: int = DEFAULT_BOUND) -> Problem:
+    """The problem that a question with goals puts to an engine.
+
+    Raises UsageError with every mistake in the question.
+    """
+    if not asked.goals:
+        raise UsageError([Mistake("there is no goal", 'say which state to reach, as in --goal "door.pos == opened"')])
+    if bound < 0:
+        raise UsageError([Mistake(f"the bound is {bound}", "it counts steps, so 0 is the least")])
+    until = language.formula(model, asked.formula, source="--formula") if asked.formula else ALWAYS_TRUE
+    goals = [Goal(language.predicate(model, text, source="--goal"), until) for text in asked.goals]
+    return reach.pose(model, start(model, asked), goals, bound)
+
+
+def start(model: Model, asked: Question) -> reach.Start:
+    """Where a question begins: settings in place of initial values, lifted invariants left out."""
+    _check(model, asked)
+    state = tuple(asked.settings.get(v.name, v.initial) for v in model.variables)
+    held = tuple(w for w in widened(model) if w.declared.name not in asked.lifted)
+    return reach.Start(state, held, frozenset(asked.lifted), asked.maintenance, frozenset(asked.disabled), frozenset(asked.lost))
+
+
+def active_intentions(model: Model, asked: Question, begin: reach.Start) -> Sequence[Intention]:
+    """The intentions that a question names, or else those whose start holds (Def. 6)."""
+    if asked.intentions:
+        known = {intention.name: intention for intention in model.intentions}
+        _known(asked.intentions, known, "intention")
+        return [known[name] for name in asked.intentions]
+    return [i for i in model.intentions if meaning(i.start, model.system.index)(begin.state)]
+
+
+@lru_cache(maxsize=16)
+def widened(model: Model) -> tuple[Widened, ...]:
+    """The model's invariants, widened over automatic and effect transitions (Machines 2021, section 3)."""
+    return widened_system(model.system)
+
+
+def widened_system(system: System) -> tuple[Widened, ...]:
+    if not system.invariants:
+        return ()
+    from smv_planner.engines.sat import Predicates
+
+    with Predicates(system.domains) as predicates:
+        return widen(system, predicates.satisfiable)
+
+
+def encoded(problem: Problem) -> Encoding:
+    """The problem as SMV text, with the script that has NuSMV or nuXmv answer it, and the way back from its names."""
+    from smv_planner.export.smv import encode
+
+    return encode(problem)
+
+
+@dataclass
+class _Engine:
+    """An engine as the planner sees it: a function from problems to verdicts. Keeps the time, and writes what it asks.
+
+    Raises UsageError if there is no engine of that name, EngineError if it cannot be used on this machine.
+    """
+
+    name: str
+    ends: float
+    progress: Callable[[str], None]
+    smv: Path | None
+    several: bool
+    seconds: float = 0.0
+    asked: int = 0
+
+    def __post_init__(self) -> None:
+        from smv_planner.engines import ENGINES, Limits
+
+        _known([self.name], ENGINES, "engine")
+        self._engine = ENGINES[self.name]
+        self._limits = Limits
+        missing = self._engine.available()
+        if missing:
+            raise EngineError(missing)
+
+    def __call__(self, problem: Problem) -> Verdict:
+        if self.smv is not None:
+            self._write(problem, self.smv)
+        began = time.monotonic()
+        try:
+            return self._engine.ask(problem, self._limits(max(self.ends - began, 0.0), MEMORY, self.progress))
+        finally:
+            self.asked += 1
+            self.seconds += time.monotonic() - began
+
+    def _write(self, problem: Problem, path: Path) -> None:
+        try:
+            if self.several:
+                path.mkdir(parents=True, exist_ok=True)
+                path = path / f"{self.asked:03d}.smv"
+            path.write_text(encoded(problem).text, encoding="ascii")
+        except OSError as error:
+            raise UsageError([Mistake(f"cannot write the SMV text to '{path}': {error.strerror}")]) from error
+
+
+def _check(model: Model, asked: Question) -> None:
+    """Raises UsageError with every setting and lifted name that does not fit the model."""
+    domains = model.system.domains
+    unknown = [
+        Mistake(f"unknown variable '{name}'", did_you_mean(name, domains)) for name in asked.settings if name not in domains
+    ]
+    outside = [
+        Mistake(f"{value!r} is not a value of '{name}'", f"its domain is {domains[name]}")
+        for name, value in asked.settings.items()
+        if name in domains and value not in domains[name]
+    ]
+    if unknown or outside:
+        raise UsageError(unknown + outside)
+    _known(asked.lifted, [invariant.name for invariant in model.invariants], "invariant")
+    _known(asked.disabled, [transition.name for transition in model.transitions], "transition")
+    _known(asked.lost, [resource.name for resource in model.resources], "resource")
+
+
+def _known(names: Iterable[str], known: Iterable[str], what: str) -> None:
+    known = list(known)
+    there_are = "there is none" if not known else "there are " + ", ".join(f"'{name}'" for name in known[:8])
+    unknown = [
+        Mistake(f"there is no {what} '{name}'", did_you_mean(name, known) or there_are) for name in names if name not in known
+    ]
+    if unknown:
+        raise UsageError(unknown)

@@ -1,0 +1,77 @@
+"""`smv-planner`: everything that is not a one-shot plan."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from smv_planner import __version__, language
+from smv_planner.api import encoded, pose
+from smv_planner.cli import outcome
+from smv_planner.cli.question import add_question, settings
+from smv_planner.errors import Mistake, UsageError
+from smv_planner.planner.answer import Question
+
+SMV_FILE = "problem.smv"
+SCRIPT_FILE = "problem.cmd"
+
+
+def main() -> int:
+    return outcome.run(command, sys.argv[1:])
+
+
+def parser() -> argparse.ArgumentParser:
+    parser = outcome.Arguments(
+        prog="smv-planner",
+        description="Work with planning scenarios. To plan, use smv-plan.",
+        epilog=outcome.EXIT_CODES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--version", action="version", version=f"smv-planner {__version__}")
+    commands = parser.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    export = commands.add_parser(
+        "export",
+        help="write a question as SMV text that NuSMV and nuXmv read alone",
+        description="Write a question as SMV text, specification included. Without --output the text is printed.",
+        epilog=f"With --output DIR, run it by: cd DIR && NuSMV -source {SCRIPT_FILE} {SMV_FILE}",
+    )
+    add_question(export)
+    export.add_argument("--output", "-o", metavar="DIR", help=f"write {SMV_FILE} and the command script {SCRIPT_FILE} there")
+    return parser
+
+
+def command(arguments: Sequence[str]) -> int:
+    asked = parser().parse_args(arguments)
+    match asked.command:
+        case "export":
+            return export(asked)
+    raise AssertionError(asked.command)
+
+
+def export(asked: argparse.Namespace) -> int:
+    """The SMV text of a question, to standard output or with its command script into a folder."""
+    model = language.load(asked.scenario)
+    question = Question(
+        goals=tuple(asked.goal),
+        formula=asked.formula,
+        settings=settings(model, asked.set),
+        maintenance=asked.maintenance,
+        lifted=tuple(asked.lift),
+        disabled=tuple(asked.disable),
+        lost=tuple(asked.lose),
+    )
+    encoding = encoded(pose(model, question, asked.bound))
+    if asked.output is None:
+        print(encoding.text, end="")
+        return outcome.REACHED
+    folder = Path(asked.output)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / SMV_FILE).write_text(encoding.text, encoding="ascii")
+        (folder / SCRIPT_FILE).write_text(encoding.script, encoding="ascii")
+    except OSError as error:
+        raise UsageError([Mistake(f"cannot write to '{folder}': {error.strerror}")]) from error
+    print(f"wrote {folder / SMV_FILE} and {folder / SCRIPT_FILE}")
+    return outcome.REACHED

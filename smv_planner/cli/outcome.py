@@ -1,0 +1,79 @@
+"""How a command ends: exit codes, and errors for people or as JSON."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from typing import NoReturn
+
+from smv_planner.errors import EngineError, Mistake, MistakesError, ModelError, UsageError
+
+REACHED = 0
+NO_PLAN = 1
+USAGE = 2
+INVALID_SCENARIO = 3
+UNDECIDED = 4
+ENGINE_FAILED = 5
+INTERRUPTED = 130
+
+EXIT_CODES = """\
+exit codes:
+  0  reached                       3  the scenario is invalid
+  1  unreachable, or an invariant  4  no plan within the bound, or the deadline passed
+     is violated at the start      5  the engine is missing, failed, or lied
+  2  the question is wrong"""
+
+
+class Arguments(argparse.ArgumentParser):
+    """A parser whose mistakes go the same way as all others."""
+
+    def error(self, message: str) -> NoReturn:
+        raise UsageError([Mistake(message, f"'{self.prog} --help' tells what there is")])
+
+
+def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> int:
+    """Run a command; whatever goes wrong on purpose becomes a message and an exit code."""
+    as_json = "--json" in arguments
+    signal.signal(signal.SIGTERM, _interrupted)
+    try:
+        return command(arguments)
+    except MistakesError as error:
+        _report(error.mistakes, as_json)
+        return INVALID_SCENARIO if isinstance(error, ModelError) else USAGE
+    except EngineError as error:
+        _report([Mistake(str(error))], as_json)
+        return ENGINE_FAILED
+    except KeyboardInterrupt:
+        print("\ninterrupted", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # whoever read our output has gone
+        sys.stderr.close()
+        return INTERRUPTED
+
+
+def _interrupted(*_: object) -> None:
+    raise KeyboardInterrupt
+
+
+def _report(mistakes: Sequence[Mistake], as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"problems": [_as_json(mistake) for mistake in mistakes]}, indent=2))
+        return
+    for mistake in mistakes:
+        print(mistake, file=sys.stderr)
+    if len(mistakes) > 1:
+        print(f"{len(mistakes)} problems", file=sys.stderr)
+
+
+def _as_json(mistake: Mistake) -> dict[str, object]:
+    place = mistake.place
+    return {
+        "file": place.file if place else None,
+        "line": place.line if place else None,
+        "column": place.column if place else None,
+        "message": mistake.message,
+        "hint": mistake.hint,
+    }
