@@ -80,6 +80,9 @@ class Named:
 
 Expr = Const | Var | Not | And | Or | Equal | Less | Plus | Minus | If | Named
 
+KEYWORDS = frozenset(["and", "or", "not", "in", "true", "false", "any", "G", "F", "X", "U", "R", "W"])
+"""Words that a scenario has to quote to use them as a name (`like this`) or as a value ('like this')."""
+
 TRUE = Const(True)
 FALSE = Const(False)
 
@@ -256,9 +259,9 @@ def _show(expr: Expr, inside: int) -> str:
     """`inside` is how tightly the surrounding operator binds; a looser expression gets parentheses."""
     match expr:
         case Const(value):
-            return show_value(value)
+            return f"'{value}'" if value in KEYWORDS else show_value(value)
         case Var(name) | Named(name, _):
-            return name
+            return f"`{name}`" if name in KEYWORDS else name
         case Not(Equal(left, right)):
             text, binds = f"{_show(left, 4)} != {_show(right, 4)}", 3
         case Not(Less(left, right)):

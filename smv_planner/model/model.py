@@ -56,6 +56,19 @@ class Operation:
 
 
 @dataclass(frozen=True, slots=True)
+class Sequence:
+    """Operations and the order in which they run: `after` has for each the positions that it directly waits for.
+
+    Operations that are not in it run freely beside it. If it is `manual` it takes the place of operation planning; only
+    then an operation may be in it twice.
+    """
+
+    operations: tuple[str, ...]
+    after: tuple[tuple[int, ...], ...]
+    manual: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class Intention:
     """Def. 6. `formula` must hold until `goal` is reached."""
 
@@ -64,13 +77,15 @@ class Intention:
     goal: Expr
     formula: Formula | None
     actions: tuple[Assignment, ...]
+    sequence: Sequence | None = None
 
 
 @dataclass(frozen=True, eq=False)
 class Model:
     """A whole scenario. `transitions` are in declared order: those of the resources, then the interactions.
 
-    `predicates` and `copies` are kept by name for questions and for people; expressions do not need them.
+    `predicates` and `copies` are kept by name for questions and for people; expressions do not need them. `sequence`
+    binds every intention.
     """
 
     name: str
@@ -82,6 +97,7 @@ class Model:
     invariants: tuple[Invariant, ...]
     operations: tuple[Operation, ...]
     intentions: tuple[Intention, ...]
+    sequence: Sequence | None = None
 
     @cached_property
     def system(self) -> System:
@@ -92,5 +108,5 @@ class Model:
     def hash(self) -> str:
         """The same for the same meaning, in every process: SHA-256 over everything the model says."""
         parts = (self.name, self.resources, self.variables, self.copies, sorted(self.predicates.items()))
-        rest = (self.transitions, self.invariants, self.operations, self.intentions)
+        rest = (self.transitions, self.invariants, self.operations, self.intentions, self.sequence)
         return hashlib.sha256(repr((parts, rest)).encode()).hexdigest()

@@ -191,7 +191,8 @@ def possible(expr: Expr, domains: Mapping[str, Domain]) -> Domain:
             return possible(part, domains)
         case Plus(left, right) | Minus(left, right):
             a, b = possible(left, domains), possible(right, domains)
-            assert isinstance(a, Range) and isinstance(b, Range)
+            assert isinstance(a, Range)
+            assert isinstance(b, Range)
             if isinstance(expr, Plus):
                 return Range(a.low + b.low, a.high + b.high)
             return Range(a.low - b.high, a.high - b.low)

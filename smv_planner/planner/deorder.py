@@ -32,7 +32,8 @@ def proposals(problem: Problem, trace: Reached) -> Iterator[Order]:
 def disjoint(problem: Problem, trace: Reached, variables: Mapping[str, frozenset[str]]) -> Iterator[Order]:
     """The partial order of operations: two are independent if they have no variable in common (section 4.2)."""
     invariants = [variables_of(invariant.predicate) for invariant in problem.allowed]
-    footprints = [Footprint(variables[name], variables[name]) for name in trace.path]
+    steps = [problem.system.transition[name] for name in trace.path]
+    footprints = [Footprint(variables[t.name] | t.assigned, variables[t.name] | t.used) for t in steps]
     yield _order(problem, trace, footprints, _formulas(problem) + invariants)
 
 

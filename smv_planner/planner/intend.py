@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from smv_planner.check import CheckedPlan
 from smv_planner.model.expressions import TRUE, meaning
 from smv_planner.model.model import Intention, Model
+from smv_planner.model.model import Sequence as Prescribed
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import Invariant, State, System
 from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
@@ -18,6 +19,7 @@ from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint
 from smv_planner.planner.operations import Task, footprint, pose_operations, tasks
 from smv_planner.planner.reach import Start, plan_steps, pose, violated, violations, warnings, without_plan
+from smv_planner.planner.sequences import OperationPlan, constraints, in_sequence, manual_plan
 from smv_planner.planner.stage import reached, stage_system, start
 from smv_planner.planner.widening import Widened
 from smv_planner.problem import Goal, NotWithin, Problem, Unreachable
@@ -79,15 +81,19 @@ def intend(model: Model, intentions: Sequence[Intention], levels: Levels, blank:
     found = violations(model.system, begin.state, begin.widened)
     if found:
         return violated(blank, found)
-    disabled: dict[str, NoPlan] = {}
     first = _settled(model, levels)
+    for intention in intentions:
+        if isinstance(first, _Progress) and intention.sequence and intention.sequence.manual:
+            first = _by_hand(model, intention, intention.sequence, first, levels)
     if isinstance(first, NoPlan):
         return without_plan(blank, first)
+    planned = [i for i in intentions if not (i.sequence and i.sequence.manual)]
+    disabled: dict[str, NoPlan] = {}
     progress = first
     for _ in range(len(tasks(model)) + REPLANS):
-        plan = plan_operations(model, progress.state, intentions, frozenset(disabled), levels)
+        plan = plan_operations(model, progress, planned, frozenset(disabled), levels)
         if isinstance(plan, NoPlan):
-            return _no_operations(model, progress.state, intentions, disabled, levels, blank, plan)
+            return _no_operations(model, progress, planned, disabled, levels, blank, plan)
         progress, stopped = _carry_out(model, plan, progress, levels)
         match stopped:
             case None:
@@ -112,13 +118,43 @@ def _settled(model: Model, levels: Levels) -> _Progress | NoPlan:
     return result if isinstance(result, NoPlan) else _Progress(begin.state).with_stage([], result)
 
 
+def _by_hand(model: Model, intention: Intention, sequence: Prescribed, progress: _Progress, levels: Levels) -> _Progress | NoPlan:
+    """Carry out a manual sequence as it stands; its intention's goal has to hold in the end."""
+    progress, stopped = _carry_out(model, manual_plan(model, sequence), progress, levels)
+    of = f"the manual sequence of '{intention.name}'"
+    match stopped:
+        case NoPlan():
+            return stopped
+        case dict() if stopped:
+            name, why = next(iter(stopped.items()))
+            return NoPlan(why.verdict, f"operation '{name}' in {of} cannot be completed: {why.reason}")
+        case dict():
+            return NoPlan(NotWithin(levels.bound), f"an operation in {of} cannot start where it stands: its guard does not hold")
+    if not meaning(intention.goal, model.system.index)(progress.state):
+        return NoPlan(NotWithin(levels.bound), f"{of} ends without reaching its goal")
+    return progress
+
+
 def plan_operations(
-    model: Model, state: State, intentions: Sequence[Intention], disabled: frozenset[str], levels: Levels
-) -> CheckedPlan | NoPlan:
+    model: Model, progress: _Progress, intentions: Sequence[Intention], disabled: frozenset[str], levels: Levels
+) -> OperationPlan | NoPlan:
     """The operation plan, de-ordered: two operations without a common variable may run at the same time."""
-    variables = {task.name: footprint(model, task) for task in tasks(model)}
-    problem = pose_operations(model, state, intentions, disabled, levels.bound)
-    return decide(problem, levels.solve, lambda problem, trace: disjoint(problem, trace, variables))
+    problem = _operations_problem(model, progress, intentions, disabled, levels)
+    by_name = {task.name: task for task in tasks(model)}
+    variables = {name: footprint(model, task) for name, task in by_name.items()}
+    result = decide(problem, levels.solve, lambda problem, trace: disjoint(problem, trace, variables))
+    if isinstance(result, NoPlan):
+        return result
+    return OperationPlan(tuple(by_name[name] for name in result.trace.path), result.after)
+
+
+def _operations_problem(
+    model: Model, progress: _Progress, intentions: Sequence[Intention], disabled: frozenset[str], levels: Levels
+) -> Problem:
+    problem = pose_operations(model, progress.state, intentions, disabled, levels.bound)
+    ran = {operation.operation for operation in progress.operations}
+    system = in_sequence(model, problem.system, constraints(model, intentions), ran)
+    return replace(problem, system=system, initial=system.initial)
 
 
 Stopped = dict[str, NoPlan] | NoPlan | None
@@ -126,16 +162,14 @@ Stopped = dict[str, NoPlan] | NoPlan | None
 reached), or no answer at all; None if it did not."""
 
 
-def _carry_out(model: Model, plan: CheckedPlan, progress: _Progress, levels: Levels) -> tuple[_Progress, Stopped]:
+def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: Levels) -> tuple[_Progress, Stopped]:
     """Plan the transitions of every stage of an operation plan."""
-    by_name = {task.name: task for task in tasks(model)}
-    chosen = [by_name[name] for name in plan.trace.path]
     offset = len(progress.operations)
     placed: dict[int, int] = {}  # position in the operation plan -> index in the answer
-    waiting = stages(plan)
+    waiting = plan.stages()
     while waiting:
         stage = waiting.pop(0)
-        now = [chosen[at] for at in stage]
+        now = [plan.tasks[at] for at in stage]
         if not all(meaning(task.operation.guard, model.system.index)(progress.state) for task in now):
             return progress, {}
         problem = pose_stage(model, progress.state, now, levels)
@@ -171,14 +205,6 @@ def pose_stage(model: Model, state: State, chosen: Sequence[Task], levels: Level
     )
 
 
-def stages(plan: CheckedPlan) -> list[list[int]]:
-    """The steps of an operation plan by the stage in which they may start: all they wait for is in earlier ones."""
-    level: list[int] = []
-    for after in plan.after:
-        level.append(1 + max((level[other] for other in after), default=-1))
-    return [[at for at, own in enumerate(level) if own == stage] for stage in range(max(level, default=-1) + 1)]
-
-
 def _culprits(problem: Problem, levels: Levels, whole: NoPlan) -> list[tuple[int, ...]] | NoPlan:
     """The smallest sets of goals that have no plan (sections 4.2 and 4.3); NoPlan if that could not be decided."""
     undecided: list[NoPlan] = []
@@ -197,7 +223,7 @@ def _culprits(problem: Problem, levels: Levels, whole: NoPlan) -> list[tuple[int
 
 def _no_operations(
     model: Model,
-    state: State,
+    progress: _Progress,
     intentions: Sequence[Intention],
     disabled: dict[str, NoPlan],
     levels: Levels,
@@ -208,7 +234,7 @@ def _no_operations(
     blank = replace(blank, disabled=tuple(disabled))
     if not result.decided:
         return without_plan(blank, result)
-    sets = _culprits(pose_operations(model, state, intentions, frozenset(disabled), levels.bound), levels, result)
+    sets = _culprits(_operations_problem(model, progress, intentions, frozenset(disabled), levels), levels, result)
     if isinstance(sets, NoPlan):
         return without_plan(blank, sets)
     unproved = next((why for why in disabled.values() if not isinstance(why.verdict, Unreachable)), result)
