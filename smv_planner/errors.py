@@ -13,13 +13,17 @@ from difflib import get_close_matches
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where in a text: 1-based line and column, the length to underline, and the whole source line."""
+    """Where in a text: 1-based line and column, the length to underline, and the whole source line.
+
+    `instance` says which one is meant where a text stands for many: "in template 'robot' for resource 'r1', pose = b3".
+    """
 
     file: str
     line: int
     column: int
     length: int = 1
     source: str = ""
+    instance: str = ""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"
@@ -35,7 +39,8 @@ class Mistake:
 
     def __str__(self) -> str:
         text = f"{self.place}: {self.message}" if self.place else self.message
-        text += f" ({self.hint})" if self.hint else ""
+        notes = "; ".join(filter(None, (self.place.instance if self.place else None, self.hint)))
+        text += f" ({notes})" if notes else ""
         if self.place and self.place.source:
             text += "\n" + _underlined(self.place)
         return text

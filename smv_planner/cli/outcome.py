@@ -70,10 +70,12 @@ def _report(mistakes: Sequence[Mistake], as_json: bool) -> None:
 
 def _as_json(mistake: Mistake) -> dict[str, object]:
     place = mistake.place
+    instance = {"instance": place.instance} if place and place.instance else {}
     return {
         "file": place.file if place else None,
         "line": place.line if place else None,
         "column": place.column if place else None,
         "message": mistake.message,
         "hint": mistake.hint,
+        **instance,
     }

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Mapping
 from pysat.solvers import Solver
 
 from smv_planner.model.domains import Domain, Value
-from smv_planner.model.expressions import And, Const, Equal, Expr, If, Less, Minus, Named, Not, Or, Plus, Var
+from smv_planner.model.expressions import And, Const, Equal, Expr, If, Less, Minus, Named, Not, Or, Plus, Var, variables_of
 
 SOLVER = "glucose4"
 
@@ -30,10 +30,22 @@ class Predicates:
         self._solver.add_clause([self._true])
         self._variables: dict[str, Literals] = {}
         self._coded: dict[Expr, int] = {}
+        self._objects: dict[int, tuple[Expr, int]] = {}  # the same by identity: to compare large expressions takes time
 
-    def satisfiable(self, predicate: Expr) -> bool:
-        """Whether some state satisfies the predicate."""
-        return bool(self._solver.solve(assumptions=[self._literal(predicate)]))
+    def satisfiable(self, *predicates: Expr) -> bool:
+        """Whether some state satisfies all the predicates."""
+        return bool(self._solver.solve(assumptions=[self._literal(predicate) for predicate in predicates]))
+
+    def example(self, *predicates: Expr) -> dict[str, Value] | None:
+        """What the variables that predicates read are worth in some state that satisfies all; None if there is none."""
+        if not self.satisfiable(*predicates):
+            return None
+        true = frozenset(self._solver.get_model())
+        found = {}
+        for name in sorted(frozenset().union(*map(variables_of, predicates))):
+            literals = self._variable(name)
+            found[name] = next((value for value, literal in literals.items() if literal in true), next(iter(literals)))
+        return found
 
     def close(self) -> None:
         self._solver.delete()
@@ -45,9 +57,11 @@ class Predicates:
         self.close()
 
     def _literal(self, expr: Expr) -> int:
-        if expr not in self._coded:
-            self._coded[expr] = self._code(expr)
-        return self._coded[expr]
+        if id(expr) not in self._objects:
+            if expr not in self._coded:
+                self._coded[expr] = self._code(expr)
+            self._objects[id(expr)] = expr, self._coded[expr]
+        return self._objects[id(expr)][1]
 
     def _code(self, expr: Expr) -> int:
         match expr:

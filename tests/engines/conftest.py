@@ -1,0 +1,3 @@
+from engines.stand_ins import temporary
+
+__all__ = ["temporary"]

@@ -1,0 +1,98 @@
+"""Every engine gives the explicit one's verdict and length on generated questions; the generator must be worth it."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from generated import question
+
+from smv_planner.check import CheckedPlan, check_plan, check_proof
+from smv_planner.engines import ENGINES, Limits, explicit
+from smv_planner.model.ltl import co_safe
+from smv_planner.planner.deorder import proposals
+from smv_planner.problem import NotWithin, Problem, Reached, Unreachable, Verdict
+
+LIMITS = Limits(deadline=120, memory=4 << 30, progress=lambda text: None)
+QUICK, THOROUGH = 200, 1000
+PORTION = 25
+"""Questions per test, so that the work can be shared among cores."""
+
+QUOTAS = {"reached": 80, "unreachable": 40, "needed a lasso": 25, "took 8 or more steps": 15, "planned around an invariant": 5}
+"""At least so many of every 200 questions."""
+
+
+def portions(first: int, last: int) -> list[range]:
+    return [range(at, at + PORTION) for at in range(first, last, PORTION)]
+
+
+def usable(engine: str) -> str:
+    reason = ENGINES[engine].available()
+    if reason:
+        pytest.skip(reason)
+    return engine
+
+
+@pytest.mark.parametrize("engine", [name for name in ENGINES if name != "explicit"])
+@pytest.mark.parametrize("seeds", portions(0, QUICK), ids=str)
+def test_every_engine_agrees_with_the_explicit_one(engine: str, seeds: range) -> None:
+    agree(usable(engine), seeds)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("engine", [name for name in ENGINES if name != "explicit"])
+@pytest.mark.parametrize("seeds", portions(QUICK, THOROUGH), ids=str)
+def test_every_engine_agrees_with_the_explicit_one_at_length(engine: str, seeds: range) -> None:
+    agree(usable(engine), seeds)
+
+
+def agree(engine: str, seeds: range) -> None:
+    for seed in seeds:
+        problem = question(seed)
+        expected = explicit.ask(problem, LIMITS)
+        answered = ENGINES[engine].ask(problem, LIMITS)
+        assert summary(answered) == summary(expected, bounded=isinstance(answered, NotWithin)), f"question {seed}"
+        if isinstance(answered, Reached):
+            accepted = check_plan(problem, answered, proposals(problem, answered))
+            assert isinstance(accepted, CheckedPlan), f"question {seed}: {accepted}"
+
+
+def summary(verdict: Verdict, bounded: bool = False) -> tuple[str, int | None]:
+    """Verdict and length; `bounded` if only plans up to the bound could be denied."""
+    match verdict:
+        case Reached(path):
+            return "reached", len(path)
+        case Unreachable() if not bounded:
+            return "unreachable", None
+        case Unreachable() | NotWithin():
+            return "no plan", None
+    raise AssertionError(verdict)
+
+
+def test_the_generated_questions_are_worth_asking(record_property) -> None:
+    counts: Counter[str] = Counter()
+    for seed in range(QUICK):
+        problem = question(seed)
+        counts.update(kinds(problem, explicit.ask(problem, LIMITS)))
+    report = ", ".join(f"{counts[kind]} {kind}" for kind in QUOTAS)
+    record_property("generated questions", f"of {QUICK} {report}")
+    print(f"of {QUICK} generated questions {report}")
+    assert all(counts[kind] >= quota for kind, quota in QUOTAS.items()), report
+
+
+def kinds(problem: Problem, verdict: Verdict) -> list[str]:
+    """Which quotas a question counts for. It needed a lasso if it was reached and no finite trace shows that."""
+    found = []
+    match verdict:
+        case Reached(path):
+            found.append("reached")
+            if not co_safe(problem.formula):
+                found.append("needed a lasso")
+            if len(path) >= 8:
+                found.append("took 8 or more steps")
+            if problem.allowed and len(path) > 0:
+                found.append("planned around an invariant")
+        case Unreachable(proof):
+            assert check_proof(problem, proof) is None
+            found.append("unreachable")
+    return found
