@@ -6,7 +6,7 @@
 # kept in ~/.cache/smv_planner and serves every clone.
 
 PYTHON = python3
-RUN = smv-plan scenarios/tool_change --goal "tool_e == robot"
+RUN = smv-plan scenarios/assembly_station
 
 BIN = .venv/bin
 BUILD_NUSMV = smv_planner/nusmv_build.py
