@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import outcome
+from smv_planner.cli import check, outcome
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -39,6 +40,20 @@ def parser() -> argparse.ArgumentParser:
     )
     add_question(export)
     export.add_argument("--output", "-o", metavar="DIR", help=f"write {SMV_FILE} and the command script {SCRIPT_FILE} there")
+    check.add_check(
+        commands.add_parser(
+            "check",
+            help="say what is wrong or suspicious in a scenario",
+            description="Say what is wrong or suspicious in a scenario that loads: automatic transitions that never settle, what "
+            "can never fire, start or complete, values that nobody produces. Errors exit with 3, with --strict warnings too.",
+        )
+    )
+    commands.add_parser(
+        "schema",
+        help="print the JSON Schema of scenarios, for editors",
+        description="Print the JSON Schema of scenarios (draft 2020-12). Editors complete, explain and check with it.",
+        epilog="A scenario that begins with '# yaml-language-server: $schema=FILE' tells an editor where it is.",
+    )
     return parser
 
 
@@ -47,6 +62,10 @@ def command(arguments: Sequence[str]) -> int:
     match asked.command:
         case "export":
             return export(asked)
+        case "check":
+            return check.check(asked)
+        case "schema":
+            return schema()
     raise AssertionError(asked.command)
 
 
@@ -74,4 +93,12 @@ def export(asked: argparse.Namespace) -> int:
     except OSError as error:
         raise UsageError([Mistake(f"cannot write to '{folder}': {error.strerror}")]) from error
     print(f"wrote {folder / SMV_FILE} and {folder / SCRIPT_FILE}")
+    return outcome.REACHED
+
+
+def schema() -> int:
+    """The JSON Schema of scenarios, to standard output."""
+    from smv_planner.language.schema import schema as of_scenarios
+
+    print(json.dumps(of_scenarios(), indent=2, ensure_ascii=False))
     return outcome.REACHED

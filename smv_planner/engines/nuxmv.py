@@ -32,7 +32,7 @@ def executable() -> str | None:
     """Where nuXmv is, if it is anywhere."""
     chosen = os.environ.get(SETTING)
     candidates = (chosen,) if chosen else NAMES
-    return next((found for name in candidates if (found := shutil.which(name))), None)
+    return next((os.path.abspath(found) for name in candidates if (found := shutil.which(name))), None)
 
 
 def available() -> str | None:

@@ -27,6 +27,7 @@ _LAST = 12  # lines that are kept for messages
 _STACK = 64 << 20  # NuSMV recurses over what it reads; the usual 8 MiB are not much
 _LIBC = ctypes.CDLL(None)
 _PR_SET_PDEATHSIG, _PR_SET_NO_NEW_PRIVS = 1, 38
+_ADDR_NO_RANDOMIZE = 0x0040000  # NuSMV orders things by address: with fixed ones the same question has the same answer
 
 Killed = Literal["deadline", "flood"]
 
@@ -57,7 +58,7 @@ class Ended:
 
 
 def run(command: Sequence[str], *, folder: str, seconds: float, memory: int, on_line: Callable[[str], None]) -> Ended:
-    """Run a command in `folder`. `on_line` hears its standard error while it runs; of many lines at once, the last few.
+    """Run a command in `folder`. `on_line` hears its standard error while it runs, line by line.
 
     Raises OSError if the command cannot be started.
     """
@@ -149,7 +150,7 @@ class _Heard:
         self._errors += len(data)
         *lines, self._line = (self._line + data).split(b"\n")
         self._line = self._line[-4000:]
-        for line in lines[-_LAST:]:
+        for line in lines[-1000:]:  # a flood is not worth hearing line by line
             text = line[-400:].decode("ascii", "replace").strip()
             if text:
                 self._lines.append(text)
@@ -165,6 +166,7 @@ def _confinement(memory: int, seconds: float, mask: set[signal.Signals | int]) -
     def confine() -> None:
         _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
         _LIBC.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
+        _LIBC.personality(_ADDR_NO_RANDOMIZE)
         if os.getppid() != parent:
             os._exit(127)
         for limit, value in limits.items():

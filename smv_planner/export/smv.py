@@ -21,7 +21,6 @@ from smv_planner.errors import EngineError
 from smv_planner.export.names import Sort, identifier
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import (
-    FALSE,
     TRUE,
     And,
     Const,
@@ -116,10 +115,9 @@ class Encoding:
 def encode(problem: Problem) -> Encoding:
     """The question in SMV: each counterexample is a plan, and the shortest counterexample is a shortest plan."""
     system = problem.system
-    readiness = {t.name: guard for t in problem.usable if (guard := ready(system, t)) != FALSE}
-    transitions = [t for t in problem.usable if t.name in readiness]
+    transitions = problem.usable  # those that can never fire included: whoever reads the text sees what is switched off
     writer = _Writer()
-    ready_to = {name: writer.keep(_internal(f"ready.{name}"), writer.text(guard)) for name, guard in readiness.items()}
+    ready_to = {t.name: writer.keep(_internal(f"ready.{t.name}"), writer.text(ready(system, t))) for t in transitions}
     automatic = [t.name for t in transitions if t.kind.automatic]
     earlier, any_automatic = _priority([ready_to[name] for name in automatic], writer)
     settled = writer.keep(SETTLED, f"!{_joined('|', any_automatic)}") if automatic else None

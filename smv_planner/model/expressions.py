@@ -109,10 +109,27 @@ def negation(part: Expr) -> Expr:
 
 
 def equality(left: Expr, right: Expr) -> Expr:
-    """`left == right`, decided where both are constants or the same expression."""
-    if isinstance(left, Const) and isinstance(right, Const):
-        return Const(left == right)
+    """`left == right`, decided where both are constants or the same expression, and simpler where one is a Boolean."""
+    match left, right:
+        case Const(a), Const(b):
+            return Const(a == b)
+        case (Const(value), other) | (other, Const(value)) if type(value) is bool:
+            return other if value else negation(other)
+        case Const(), _:
+            return Equal(right, left)
     return TRUE if left == right else Equal(left, right)
+
+
+def conjuncts(expr: Expr) -> Iterator[Expr]:
+    """What all has to hold for the expression to hold, looking into predicates too."""
+    match expr:
+        case And(parts):
+            for part in parts:
+                yield from conjuncts(part)
+        case Named(_, part) if isinstance(part, And | Named):
+            yield from conjuncts(part)
+        case _:
+            yield expr
 
 
 def _merged(parts: Iterable[Expr], kind: type[And] | type[Or], unit: Const) -> tuple[Expr, ...]:

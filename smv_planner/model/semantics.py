@@ -12,21 +12,25 @@ enabled, only the first of them in declared order may fire. A state in which non
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from itertools import product
 
 from smv_planner.model.domains import Bool, Domain, Enum, Range
 from smv_planner.model.expressions import (
     TRUE,
     Const,
+    Equal,
     Expr,
     If,
     Less,
     Minus,
     Named,
+    Not,
+    Or,
     Plus,
     Var,
     conjunction,
+    conjuncts,
     disjunction,
     equality,
     meaning,
@@ -40,7 +44,10 @@ Step = tuple[Transition, State]
 
 def ready(system: System, transition: Transition) -> Expr:
     """When a transition is enabled, as a predicate on states (automatic priority apart)."""
-    return conjunction([may_fire(system, transition), _changing(system, transition)])
+    fires, changes = may_fire(system, transition), _changing(system, transition)
+    known = set(conjuncts(fires))
+    implied = any(_follows(change, known) for change in (changes.parts if isinstance(changes, Or) else [changes]))
+    return fires if implied else conjunction([fires, changes])
 
 
 def may_fire(system: System, transition: Transition) -> Expr:
@@ -178,6 +185,16 @@ def _changing(system: System, transition: Transition) -> Expr:
         else negation(equality(action.value, Var(action.variable)))
         for action in transition.actions
     )
+
+
+def _follows(change: Expr, known: Set[Expr]) -> bool:
+    """Whether something known says that a value changes: so itself, or that the variable has another value now."""
+    match change:
+        case Not(Equal(Var(name), Const(value))):
+            others = (part for part in known if isinstance(part, Equal) and part.left == Var(name))
+            if any(isinstance(part.right, Const) and part.right.value != value for part in others):
+                return True
+    return change in known
 
 
 def possible(expr: Expr, domains: Mapping[str, Domain]) -> Domain:

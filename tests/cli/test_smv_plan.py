@@ -90,7 +90,7 @@ def test_a_violated_start_names_the_invariant_and_the_slide():
         (("scenarios/door", "--goal", "free", "--set", "fresh=true"), "measured copy"),
         (("scenarios/door", "--goal", "free", "--engine", "nusvm"), "did you mean 'nusmv'?"),
         (("scenarios/door", "--goal", "free", "--lift", "never_move"), "never_move_locked"),
-        (("scenarios/door", "--goal", "free", "--formula", "door.shut U free U free"), "parentheses"),
+        (("scenarios/door", "--goal", "free", "--formula", "door.shut U free R free"), "parentheses"),
         (("scenarios/door", "--goal", "free", "--bound", "-1"), "0 is the least"),
         (("scenarios/door", "--goal", "free", "--bound", "many"), "--bound"),
         (("scenarios/door", "--goal", "free", "--deadline", "0"), "greater than 0"),

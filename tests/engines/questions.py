@@ -238,33 +238,44 @@ QUESTIONS: dict[str, tuple[Problem, int | None]] = {
 }
 
 
-def wide(seed: int, transitions: int = 900) -> Problem:
+def wide(seed: int) -> Problem:
     """Far more transitions, automatic ones, invariants and steps that assign one variable than fit beside each other."""
     random = Random(seed)
     names = [f"r{number}" for number in range(30)]
+    places = range(40)
 
     def about() -> Expr:
         return is_(random.choice(names), random.choice((0, 0, 0, 1, 2)))
 
+    def here() -> Expr:
+        return is_("hub", random.choice(places))
+
     steps = []
-    for number in range(transitions):
-        kind = Kind.AUTOMATIC if random.random() < 0.4 else Kind.CONTROLLED
-        variable = "hub" if random.random() < 0.4 else random.choice(names)
-        assigned = random.randrange(500) if variable == "hub" else random.randrange(4)
-        also = about() if kind is Kind.CONTROLLED else conjunction([about(), is_("hub", random.randrange(1, 500))])
-        steps.append(step(f"t{number}", conjunction([about(), also]), {variable: assigned}, kind))
-    variables: dict[str, tuple[Domain, Value]] = {name: (N03, 0) for name in names}
-    problem = ask(variables | {"hub": (Range(0, 499), 0)}, steps, TRUE, bound=4)
-    allowed = tuple(
-        Invariant(f"i{at}", negation(conjunction([about(), is_("hub", at + 1), is_(random.choice(names), 3)])))
-        for at in range(300)
-    )
+    for number in range(900):
+        kind = Kind.AUTOMATIC if random.random() < 0.5 else Kind.CONTROLLED
+        to = If(about(), Const(random.choice(places)), Const(random.choice(places)))
+        actions: Actions = {"hub": to} if random.random() < 0.6 else {random.choice(names): random.randrange(4)}
+        rarely = is_(random.choice(names), random.choice((1, 2))) if kind is Kind.AUTOMATIC else about()
+        steps.append(step(f"t{number}", conjunction([here(), about(), rarely]), actions, kind))
+    variables: dict[str, tuple[Domain, Value]] = dict.fromkeys(names, (N03, 0)) | {"hub": (Range(0, 39), 0)}
+    problem = ask(variables, steps, bound=5)
     moves = Steps(problem.system, problem.usable)
     state = problem.initial
-    for _ in range(60):
-        following = [after for _, after in moves(state)]
-        if not following or (moves.settled(state) and random.random() < 0.4):
-            break
-        state = random.choice(following)
-    goal = conjunction(is_(name, value) for name, value in zip(variables, state, strict=False) if value)
-    return replace(problem, goals=(Goal(conjunction([goal, is_("hub", state[-1])])),), allowed=allowed)
+    for _ in range(random.randint(2, 6)):
+        state = random.choice([after for _, after in moves(state)] or [state])
+    goal = conjunction(is_(name, value) for name, value in zip(variables, state, strict=True) if value)
+    never = (negation(conjunction([about(), here(), is_(random.choice(names), 3)])) for _ in range(300))
+    return replace(problem, goals=(Goal(goal),), allowed=tuple(Invariant(f"i{at}", each) for at, each in enumerate(never)))
+
+
+def vast(transitions: int, variables: int) -> Problem:
+    """A great many simple transitions; the goal takes two of them."""
+    names = [f"r{number}" for number in range(variables)]
+    steps = []
+    for number in range(transitions):
+        to, turn = number % variables, number // variables % 4
+        beside = is_(names[(to + 1) % variables], (turn + 1) % 4)
+        steps.append(step(f"t{number}", disjunction([beside, is_(names[to * 7 % variables], 0)]), {names[to]: turn}))
+    wanted = conjunction([is_(names[3], 2), is_(names[variables // 2], 1)])
+    never = conjunction(negation(is_(name, 3)) for name in names)
+    return ask(dict.fromkeys(names, (N03, 0)), steps, wanted, never=negation(never), bound=3)

@@ -52,9 +52,12 @@ def agree(engine: str, seeds: range) -> None:
         expected = explicit.ask(problem, LIMITS)
         answered = ENGINES[engine].ask(problem, LIMITS)
         assert summary(answered) == summary(expected, bounded=isinstance(answered, NotWithin)), f"question {seed}"
-        if isinstance(answered, Reached):
-            accepted = check_plan(problem, answered, proposals(problem, answered))
-            assert isinstance(accepted, CheckedPlan), f"question {seed}: {accepted}"
+        match answered:
+            case Reached():
+                accepted = check_plan(problem, answered, proposals(problem, answered))
+                assert isinstance(accepted, CheckedPlan), f"question {seed}: {accepted}"
+            case Unreachable(proof):
+                assert check_proof(problem, proof) is None, f"question {seed}"
 
 
 def summary(verdict: Verdict, bounded: bool = False) -> tuple[str, int | None]:

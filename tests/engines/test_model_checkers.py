@@ -12,7 +12,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
-from engines.questions import QUESTIONS, wide
+from engines.questions import QUESTIONS, vast, wide
 from export.corpus import march, names
 
 from smv_planner.engines import ENGINES, Limits, explicit, nuxmv
@@ -52,13 +52,22 @@ def test_the_shortest_plan_is_found_and_is_one(ask, name: str) -> None:
 @pytest.mark.parametrize("ask", ["nuxmv"], indirect=True)
 def test_wide_questions_mean_the_same(ask) -> None:
     lengths = []
-    for seed in range(12):
+    for seed in range(4):
         problem = wide(seed)
         expected, answer = explicit.ask(problem, LIMITS), ask(problem, LIMITS)
         assert shortest(answer) == shortest(expected), f"seed {seed}: {answer}"
         assert not isinstance(answer, Reached) or is_plan(problem, answer)
         lengths.append(shortest(answer))
-    assert len(set(lengths)) > 3, lengths
+    assert None not in lengths
+    assert len(set(lengths)) > 2
+
+
+@pytest.mark.long
+def test_nothing_crashes_at_eight_thousand_transitions(ask) -> None:
+    problem = vast(8400, 600)
+    answer = ask(problem, Limits(deadline=300, memory=8 << 30, progress=lambda text: None))
+    assert is_plan(problem, answer)
+    assert shortest(answer) == 2
 
 
 def shortest(answer: Verdict) -> int | None:
@@ -89,8 +98,8 @@ def test_the_bounds_are_reported_as_they_are_reached(ask) -> None:
     problem, length = QUESTIONS["up to the border"]
     heard: list[str] = []
     ask(problem, Limits(60, 2 << 30, heard.append))
+    assert heard[0] == "bound 0"
     assert heard[-1] == f"bound {length}"
-    assert heard == sorted(heard)
 
 
 def test_a_deadline_is_kept(ask, temporary: Path) -> None:
@@ -116,9 +125,10 @@ def test_an_executable_in_a_folder_with_a_space_is_found(tmp_path: Path, monkeyp
     monkeypatch.delenv(nuxmv.SETTING, raising=False)
     monkeypatch.setenv("PATH", f"{folder}{os.pathsep}/usr/bin")
     problem, length = QUESTIONS["up to the border"]
-    answer = nuxmv.ask(problem, LIMITS)
-    assert isinstance(answer, Reached)
-    assert len(answer.path) == length
+    assert shortest(nuxmv.ask(problem, LIMITS)) == length
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(nuxmv.SETTING, f"{folder.name}/nuXmv")
+    assert shortest(nuxmv.ask(problem, LIMITS)) == length
 
 
 def test_start_up_files_are_not_read(ask, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from engines.questions import QUESTIONS
 from export.corpus import march, names
 from export.relex import KEYWORDS, SECTIONS, balanced, comments, depth, words
 from generated import question
@@ -17,7 +18,6 @@ from smv_planner.export.smv import DONE, IDLE, STEP, Encoding, RawTrace, encode
 from smv_planner.model import ltl
 from smv_planner.model.domains import Bool, Enum, Range, Value
 from smv_planner.model.expressions import (
-    FALSE,
     TRUE,
     Const,
     Expr,
@@ -32,7 +32,6 @@ from smv_planner.model.expressions import (
     nodes,
 )
 from smv_planner.model.ltl import Atom
-from smv_planner.model.semantics import ready
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, System, Transition, Variable, VariableKind
 from smv_planner.problem import Goal, Problem, Reached
 
@@ -82,7 +81,9 @@ def test_the_same_problem_gives_the_same_text() -> None:
     assert encode(door()).text == encode(door()).text
 
 
-@pytest.mark.parametrize("problem", [door(), *map(question, range(80)), *map(march, HOSTILE)])
+@pytest.mark.parametrize(
+    "problem", [door(), *map(question, range(80)), *map(march, HOSTILE), *(p for p, _ in QUESTIONS.values())]
+)
 def test_a_text_holds_known_names_and_expected_sections_only(problem: Problem) -> None:
     encoding = encode(problem)
     found = words(encoding.text)
@@ -90,16 +91,15 @@ def test_a_text_holds_known_names_and_expected_sections_only(problem: Problem) -
     for word in found.keys() - KEYWORDS:
         sort, name = original(word)
         assert name in known[sort] or (sort is Sort.INTERNAL and internal(name, problem)), word
-    fires = [t for t in problem.usable if ready(problem.system, t) != FALSE]
-    assigned = {action.variable for t in fires for action in t.actions}
+    assigned = {action.variable for t in problem.usable for action in t.actions}
     defines = [word for word in found if original_sort(word) in (Sort.PREDICATE, Sort.PROPERTY)]
-    automatic = any(t.kind.automatic for t in fires)
+    automatic = any(t.kind.automatic for t in problem.usable)
     assert {section: found[section] for section in SECTIONS} == {
         **dict.fromkeys(("MODULE", "VAR", "IVAR", "ASSIGN", "LTLSPEC"), 1),
         "FROZENVAR": int(len(assigned) < len(problem.system.variables)),
-        "DEFINE": int(bool(fires or defines)),
+        "DEFINE": int(bool(problem.usable or defines)),
         "INIT": 0,
-        "TRANS": (len(fires) or 1) + automatic + 1,
+        "TRANS": (len(problem.usable) or 1) + automatic + 1,
         "INVAR": sum(invariant.predicate != TRUE for invariant in problem.allowed),
     }
     assert found["init"] == len(problem.system.variables) + 1
