@@ -13,11 +13,22 @@ from collections.abc import Sequence as AnySequence
 from typing import NamedTuple
 
 from smv_planner.language.document import EXPANDED, NAME, NAME_RULE, PART, Resource, Scenario
-from smv_planner.language.grammar import MAX_LENGTH, NotRead, parse
-from smv_planner.language.placeholders import WORD, Given, Passed, Writing, entry, key_of, noted, quantifier, resolved
+from smv_planner.language.placeholders import (
+    NOTHING,
+    WORD,
+    Given,
+    Passed,
+    Values,
+    Writing,
+    entry,
+    key_of,
+    noted,
+    quantifier,
+    resolved,
+)
 from smv_planner.language.reader import Report, bare, other_one, shorten
 from smv_planner.language.shapes import ListOf, OneOf, Record, Shape, Table, Text, shape_of
-from smv_planner.language.strict_yaml import Broken, Instance, Mapping, Node, Part, Scalar, Sequence
+from smv_planner.language.strict_yaml import Instance, Mapping, Node, Scalar, Sequence
 
 TEMPLATE_KEYS = ("parameters", "variables", "predicates", "transitions", "silent_after")
 USE_KEYS = EXPANDED[Resource][1:]
@@ -39,7 +50,7 @@ def expand(root: Node, report: Report) -> Node:
         return root
     writing = Writing(report)
     expansion = _Expansion(writing, *_declared(root, writing))
-    return expansion.node(_without(root, "templates"), shape_of(Scenario), Given())
+    return expansion.node(_without(root, "templates"), shape_of(Scenario), NOTHING)
 
 
 class _Expansion:
@@ -56,14 +67,14 @@ class _Expansion:
         text = _text_of(shape)
         match node:
             case Scalar():
-                return self._writing.scalar(node, given, bool(text and text.reads))
+                return self._writing.scalar(node, given, text)
             case Sequence():
                 for each in shapes:
                     if isinstance(each, ListOf):
                         return self._list(node, each, given)
             case Mapping():
                 if text and text.reads and quantifier(node):
-                    return self._quantified(node, text, given)
+                    return self._writing.quantified(node, text, given)
                 for each in shapes:
                     if isinstance(each, Table):
                         return self._table(node, each, given)
@@ -142,7 +153,11 @@ class _Expansion:
             kept = tuple((key, value) for key, value in node.entries if key.text in USE_KEYS)
             uses, own = iter([(Mapping(kept, (), node.span), given)]), _without(own, *USE_KEYS)
         else:
-            use, inner = resolved(use or Broken(), given)
+            for key, _ in own.entries:
+                if key.text in USE_KEYS:
+                    self._writing.wrong(key, given, f"'{key.text}' stands without 'template'", "an entry of 'use' has its own")
+            own = _without(own, *USE_KEYS)
+            use, inner = resolved(use if use is not None and not _empty(use) else Sequence(()), given)
             uses = self._writing.items(use if isinstance(use, Sequence) else Sequence((use,), use.span), inner)
         bodies = [self._used(each, name, shape, inner) for each, inner in uses]
         whole = self._merged([*(body for body in bodies if body), self._record(own, shape, given)], node)
@@ -178,7 +193,7 @@ class _Expansion:
             return None
         note = f"in template '{template.name}'" + (f" as '{as_.text}'" if as_ else "") + f" for resource '{resource}'"
         prefix = f"{as_.text}." if as_ else ""
-        return _prefixed(self._record(template.body, shape, Given(values, note, prefix)), prefix)
+        return _prefixed(self._record(template.body, shape, Given(values, Instance(note, prefix))), prefix)
 
     def _word(self, node: Mapping, key: str, given: Given) -> Scalar | None:
         value = entry(node, key)
@@ -193,17 +208,16 @@ class _Expansion:
         word = self._writing.scalar(value, given)
         return word._replace(text=bare(word.text)) if isinstance(word, Scalar) else None
 
-    def _passed(
-        self, node: Mapping, template: Template, resource: str, given: Given
-    ) -> AnyMapping[str, Scalar | Passed] | None:
+    def _passed(self, node: Mapping, template: Template, resource: str, given: Given) -> Values | None:
         """What the placeholders of a template stand for in one use of it."""
         with_, inner = resolved(entry(node, "with") or Mapping(()), given)
         if not isinstance(with_, Mapping) and not _empty(with_):
             self._writing.wrong(with_, inner, "expected a mapping {parameter: value, ...}")
             return None
-        own = {"resource": Scalar(resource, True)}
-        values: dict[str, Scalar | Passed] = {**own}
+        own: dict[str, Scalar | Passed] = {"resource": Scalar(resource, True)}
+        values = dict(own)
         for name, default in template.parameters.items():
+            self._writing.spend(node, given)
             if default is not None:
                 values[name] = Passed(default, Given(own))
         entries, dropped = (with_.entries, with_.dropped) if isinstance(with_, Mapping) else ((), ())
@@ -211,7 +225,7 @@ class _Expansion:
             if key.text not in template.parameters:
                 dropped = (*dropped, key.text)
                 known = tuple(template.parameters)
-                hint = self._writing.report.close(key.text, known) or ("it has " + ", ".join(known or ("none",)))
+                hint = self._writing.report.close(key.text, known) or shorten("it has " + ", ".join(known or ("none",)), 120)
                 message = f"the template '{template.name}' has no parameter '{shorten(key.text)}'"
                 self._writing.wrong(key, inner, message, hint)
             values[key.text] = Passed(value, inner)
@@ -231,70 +245,13 @@ class _Expansion:
             for key, value in body.entries:
                 first = keys.setdefault(key.text, key)
                 found = values.setdefault(key.text, [])
-                if _empty(value):
-                    continue
-                if found and not (isinstance(value, Mapping) and isinstance(found[0], Mapping)):
-                    self._writing.report.wrong_in(key, f"'{key.text}' is here twice", other_one(first))
-                else:
+                if found and isinstance(value, Scalar) and isinstance(found[0], Scalar):
+                    if value.text != found[0].text:
+                        self._writing.report.wrong_in(key, f"'{key.text}' is here twice", other_one(first))
+                elif not _empty(value):
                     found.append(value)
         entries = tuple((keys[name], _one_table(found)) for name, found in values.items() if found)
         return Mapping(entries, tuple(key for body in bodies for key in body.dropped), node.span)
-
-    def _quantified(self, node: Mapping, shape: Text, given: Given) -> Scalar | Broken:
-        """One expression: all or any of several, each in parentheses."""
-        word = quantifier(node)
-        body, instances = entry(node, word), [given]
-        assert body
-        known = (word, "foreach", "where")
-        for key, _ in node.entries:
-            if key.text not in known:
-                self._writing.unknown_key(key, known, given)
-        if entry(node, "foreach") is not None:
-            found = self._writing.instances(node, given)
-            if found is None:
-                return Broken(node.span)
-            instances = found
-        elif not isinstance(resolved(body, given)[0], Sequence):
-            self._writing.wrong(node, given, f"'{word}' needs a list or 'foreach'")
-            return Broken(node.span)
-        pieces: list[Node] = []
-        for inner in instances:
-            each, its = resolved(body, inner)
-            items = self._writing.items(each, its) if isinstance(each, Sequence) else iter([(each, its)])
-            pieces += [self.node(item, shape, one) for item, one in items]
-        return self._joined(pieces, word, node, shape, given)
-
-    def _joined(self, pieces: AnySequence[Node], word: str, node: Mapping, shape: Text, given: Given) -> Scalar | Broken:
-        between, nothing = (" and ", "true") if word == "all" else (" or ", "false")
-        conditions = [piece for piece in pieces if isinstance(piece, Scalar)]
-        for piece in pieces:
-            if not isinstance(piece, Scalar):
-                self._writing.wrong(piece, given, f"expected {shape.called}")
-        length = sum(len(piece.text) + len(between) + 2 for piece in conditions)
-        self._writing.spend(node, given, length)
-        if length > MAX_LENGTH:
-            self._writing.wrong(node, given, f"written out, this is longer than {MAX_LENGTH} characters")
-            return Broken(node.span)
-        sound = [self._is_condition(piece, shape) for piece in conditions]
-        if not all(sound) or len(conditions) < len(pieces):
-            return Broken(node.span)
-        parts: list[Part] = []
-        at = 1
-        for piece in conditions:
-            parts.append(Part(at, piece, 0))
-            at += len(piece.text) + len(between) + 2
-        text = between.join(f"({piece.text})" for piece in conditions) or nothing
-        assert node.span
-        return Scalar(text, False, node.span._replace(style="", instance=Instance(given.note, given.prefix, tuple(parts))))
-
-    def _is_condition(self, piece: Scalar, shape: Text) -> bool:
-        """Whether a piece is an expression by itself; what is none might be one with parentheses around it."""
-        try:
-            parse(piece.text, shape.reads == "formula")
-        except NotRead as error:
-            self._writing.report.wrong_in(piece, error.message, error.hint, (error.start, error.end))
-            return False
-        return True
 
 
 def _declared(root: Mapping, writing: Writing) -> tuple[AnyMapping[str, Template], bool]:
@@ -307,19 +264,21 @@ def _declared(root: Mapping, writing: Writing) -> tuple[AnyMapping[str, Template
     if isinstance(table, Mapping):
         entries, sound = table.entries, sound and not table.dropped
     elif table is not None and not _empty(table):
-        writing.wrong(table, Given(), "expected a mapping with a name before each ':'", "templates: {NAME: {...}}")
+        writing.wrong(table, NOTHING, "expected a mapping with a name before each ':'", "templates: {NAME: {...}}")
         sound = False
     for key, node in entries:
         name = bare(key.text)
         if not re.fullmatch(PART, name):
-            writing.wrong(key, Given(), f"'{shorten(name)}' is not a name without dots", NAME_RULE)
+            writing.wrong(key, NOTHING, f"'{shorten(name)}' is not a name without dots", NAME_RULE)
         if not isinstance(node, Mapping):
-            writing.wrong(node, Given(), "expected a mapping {" + ", ".join(f"{each}: ..." for each in TEMPLATE_KEYS) + "}")
+            writing.wrong(node, NOTHING, "expected a mapping {" + ", ".join(f"{each}: ..." for each in TEMPLATE_KEYS) + "}")
             sound = False
             continue
         for each, _ in node.entries:
-            if each.text not in TEMPLATE_KEYS:
-                writing.unknown_key(each, TEMPLATE_KEYS, Given())
+            if each.text in EXPANDED[Resource]:
+                writing.wrong(each, NOTHING, f"'{each.text}' stands in a template", "templates do not use templates")
+            elif each.text not in TEMPLATE_KEYS:
+                writing.unknown_key(each, TEMPLATE_KEYS, NOTHING)
         body = tuple((each, value) for each, value in node.entries if each.text in TEMPLATE_KEYS[1:])
         parameters = dict(_parameters(entry(node, "parameters"), writing))
         templates[name] = Template(name, parameters, Mapping(body, node.dropped, node.span))
@@ -334,14 +293,14 @@ def _parameters(node: Node | None, writing: Writing) -> Iterator[tuple[str, Node
         case Mapping(entries):
             found = [(key, None if _empty(value) else value) for key, value in entries]
         case Scalar() if not _empty(node):
-            writing.wrong(node, Given(), "expected a list [name, ...] or a mapping {name: default, ...}")
+            writing.wrong(node, NOTHING, "expected a list [name, ...] or a mapping {name: default, ...}")
     seen: set[str] = set()
     for each, default in found:
         if not isinstance(each, Scalar) or not WORD.fullmatch(each.text):
-            writing.wrong(each, Given(), "expected the name of a parameter", "letters, digits and '_', not a digit first")
+            writing.wrong(each, NOTHING, "expected the name of a parameter", "letters, digits and '_', not a digit first")
         elif each.text == "resource" or each.text in seen:
             why = "is here twice" if each.text in seen else "always stands for the name of the resource"
-            writing.wrong(each, Given(), f"'{each.text}' {why}")
+            writing.wrong(each, NOTHING, f"'{each.text}' {why}")
         else:
             seen.add(each.text)
             yield each.text, default
@@ -354,7 +313,7 @@ def _text_of(shape: Shape) -> Text | None:
 
 
 def _uses(node: Mapping) -> bool:
-    return entry(node, "use") is not None or entry(node, "template") is not None
+    return any(key.text in EXPANDED[Resource] for key, _ in node.entries)
 
 
 def _without(node: Mapping, *keys: str) -> Mapping:
@@ -367,9 +326,10 @@ def _empty(node: Node) -> bool:
 
 
 def _one_table(found: AnySequence[Node]) -> Node:
+    """Several tables as one; what is no table stays, for the reader to say so."""
     tables = [each for each in found if isinstance(each, Mapping)]
-    if len(found) == 1 or len(tables) < len(found):
-        return found[0]
+    if len(tables) < len(found):
+        return next(each for each in found if not isinstance(each, Mapping))
     dropped = tuple(key for each in tables for key in each.dropped)
     return Mapping(tuple(pair for each in tables for pair in each.entries), dropped, tables[0].span)
 

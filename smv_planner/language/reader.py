@@ -81,6 +81,11 @@ class Report:
         node = self.nodes.get(path, Scalar("", True))
         return isinstance(node, Scalar) or (isinstance(node, Mapping) and not node.entries and not node.dropped)
 
+    @property
+    def full(self) -> bool:
+        """Whether there are so many mistakes that no more are noted."""
+        return len(self._found) >= MAX_MISTAKES
+
     def close(self, word: str, known: AnySequence[str]) -> str | None:
         """A 'did you mean' for `word`. Only so many words are compared, for that is slow."""
         self._compared += len(known)
@@ -101,9 +106,8 @@ class Report:
         return tuple([*found, Mistake(f"and {self._left_out} mistakes more")] if self._left_out else found)
 
     def _full(self) -> bool:
-        full = len(self._found) >= MAX_MISTAKES
-        self._left_out += full
-        return full
+        self._left_out += self.full
+        return self.full
 
     def _note(self, path: Path, message: str, hint: str | None, where: Place | None, offset: int) -> None:
         named = message if where or not path else f"{show_path(path)}: {message}"
@@ -216,6 +220,8 @@ def _misfit(node: Node, shape: Shape, path: Path, report: Report) -> None:
             found = "not a mapping" if isinstance(node, Mapping) else "not a list"
             if node.span and node.span.style and any(isinstance(each, Text) for each in shapes):
                 hint = f"quote an expression that starts with '{node.span.style}'"
+            if isinstance(node, Mapping) and any(key.text == "foreach" for key, _ in node.entries):
+                hint = "write {all: ..., foreach: ...} or {any: ..., foreach: ...}"
     report.wrong(path, f"expected {called(shape)}, {found}", hint)
 
 
@@ -254,7 +260,7 @@ def _record(node: Mapping | Scalar, shape: Record, path: Path, report: Report) -
             values[shapes[key.text].attribute] = read(value, shapes[key.text].shape, inner, report)
         else:
             known = (*shapes, *EXPANDED.get(shape.made, ()))
-            hint = report.close(key.text, (*known, "foreach", "where"))
+            hint = report.close(key.text, [each for each in (*known, "foreach", "where") if each != key.text])
             if value == Scalar("", True, value.span) and node.span and node.span.style:
                 hint = "in flow style, quote an expression that holds a comma"
             report.wrong_key(inner, f"unknown key '{shorten(key.text)}'", hint or "known here: " + ", ".join(known))
