@@ -30,6 +30,9 @@ if TYPE_CHECKING:
 DEFAULT_ENGINE = "nusmv"
 DEFAULT_BOUND = 100
 DEFAULT_DEADLINE = 60.0
+LONGEST_PLAN = 100_000
+"""Steps; no bound may ask for more."""
+
 MEMORY = 4 << 30
 """Bytes an engine may use."""
 
@@ -77,7 +80,11 @@ def plan(
         disabled=tuple(disable),
         lost=tuple(lose),
     )
-    ask = _Engine(engine, began + deadline, progress, Path(smv) if smv is not None else None, several=not asked.goals)
+    ask = _Engine(engine, began + deadline, progress, Path(smv) if smv is not None else None, not (asked.goals or exit_forbidden))
+    if not 0 <= bound <= LONGEST_PLAN:
+        raise UsageError([Mistake(f"the bound is {bound}", f"it counts steps: 0 is the least and {LONGEST_PLAN} the most")])
+    if formula is not None and not asked.goals:
+        raise UsageError([Mistake("a formula goes with a goal", "an intention has its own formula, in the scenario")])
     begin = start(model, asked)
     blank = Answer(
         model=model.name,
@@ -108,8 +115,6 @@ def pose(model: Model, asked: Question, bound: int = DEFAULT_BOUND) -> Problem:
     """
     if not asked.goals:
         raise UsageError([Mistake("there is no goal", 'say which state to reach, as in --goal "door.pos == opened"')])
-    if bound < 0:
-        raise UsageError([Mistake(f"the bound is {bound}", "it counts steps, so 0 is the least")])
     until = language.formula(model, asked.formula, source="--formula") if asked.formula else ALWAYS_TRUE
     goals = [Goal(language.predicate(model, text, source="--goal"), until) for text in asked.goals]
     return reach.pose(model, start(model, asked), goals, bound)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from random import Random
 
 from generated import Maker
@@ -47,7 +47,7 @@ class _Levels:
         intentions = [self.intention(f"i{number}") for number in range(random.choice((1, 1, 2)))]
         return Model(
             name="generated",
-            resources=tuple(Resource(name) for name in dict.fromkeys(v.name.partition(".")[0] for v in maker.variables if "." in v.name)),
+            resources=tuple(Resource(name) for name in dict.fromkeys(self.owner(v) for v in maker.variables) if name),
             variables=tuple(self.owned(v) for v in maker.variables),
             copies=(self.copy,),
             predicates={},
@@ -57,16 +57,19 @@ class _Levels:
             intentions=tuple(intentions),
         )
 
+    def owner(self, variable: Variable) -> str | None:
+        return variable.name.partition(".")[0] if "." in variable.name else None
+
     def owned(self, variable: Variable) -> Variable:
-        owner = variable.name.partition(".")[0] if "." in variable.name else None
-        return Variable(variable.name, variable.kind, variable.domain, variable.initial, owner)
+        return replace(variable, resource=self.owner(variable))
 
     def copied(self) -> Expr:
         return Named(self.copy.name, self.copy.value)
 
     def device_state(self) -> Expr:
         devices = [v for v in self.low.variables if v.kind is VariableKind.MEASURED]
-        return conjunction(self.low.about(d) for d in self.random.sample(devices, min(len(devices), self.random.choice((1, 1, 2)))))
+        chosen = self.random.sample(devices, min(len(devices), self.random.choice((1, 1, 2))))
+        return conjunction(self.low.about(device) for device in chosen)
 
     def operation(self, product: str, before: str, after: str, name: str | None = None) -> Operation:
         random = self.random
@@ -83,13 +86,15 @@ class _Levels:
         if random.random() < 0.2:
             other = Outcome("bad", (Assignment(product, Const("raw" if before != "raw" else "done")),), self.device_state())
             return Operation(name, conjunction(guard), (Outcome("good", effects, self.device_state()), other))
-        controlled = [t for t in self.low.transitions if t.kind is Kind.CONTROLLED and not any(isinstance(a.value, Any) for a in t.actions)]
+        fixed = [t for t in self.low.transitions if not any(isinstance(action.value, Any) for action in t.actions)]
+        controlled = [t for t in fixed if t.kind is Kind.CONTROLLED]
         synchronised = random.choice(controlled).name if controlled and random.random() < 0.2 else None
         return Operation(name, conjunction(guard), (Outcome(None, effects, self.device_state()),), synchronised=synchronised)
 
     def intention(self, name: str) -> Intention:
         random = self.random
-        wanted = [equality(Var(product), Const("done")) for product in random.sample(self.products, random.randint(1, len(self.products)))]
+        chosen = random.sample(self.products, random.randint(1, len(self.products)))
+        wanted = [equality(Var(product), Const("done")) for product in chosen]
         if random.random() < 0.1:
             wanted.append(self.copied())
         formula = None
@@ -103,4 +108,3 @@ class _Levels:
 
 def negated_done(product: str) -> ltl.Formula:
     return Atom(negation(equality(Var(product), Const("done"))))
-

@@ -2,23 +2,37 @@
 
 from __future__ import annotations
 
+from smv_planner.check import relaxed
 from smv_planner.check.plan import Refused
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
 from smv_planner.model.semantics import Steps
-from smv_planner.problem import Exhausted, Problem
+from smv_planner.problem import Exhausted, Inductive, Problem, Proof, Relaxed
 
 
-def check_proof(problem: Problem, proof: Exhausted) -> Refused | None:
-    """None if the proof holds: the set has the start in it, no step leads out of it, and no state of it is a goal.
+def check_proof(problem: Problem, proof: Proof) -> Refused | None:
+    """None if the proof holds: it has the start in it, no step leads out of it, and nothing in it meets the goals.
 
     A start that is not allowed needs no further proof.
     """
+    if not meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)(problem.initial):
+        return None
+    match proof:
+        case Exhausted():
+            return _check_exhausted(problem, proof)
+        case Relaxed():
+            reason = relaxed.broken(problem, proof)
+        case Inductive():
+            from smv_planner.check.inductive import broken  # the only part of the kernel that needs a SAT solver
+
+            reason = broken(problem, proof)
+    return Refused(reason) if reason else None
+
+
+def _check_exhausted(problem: Problem, proof: Exhausted) -> Refused | None:
     steps = Steps(problem.system, problem.usable)
     monitor = Monitor(problem.formula, problem.system.index)
     allowed = meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)
-    if not allowed(problem.initial):
-        return None
     if (problem.initial, monitor.start) not in proof.reached:
         return Refused("the proof leaves out the initial state")
     for state, owed in proof.reached:

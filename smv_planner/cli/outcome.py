@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import signal
 import sys
+import traceback
 from collections.abc import Callable, Sequence
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from smv_planner.errors import EngineError, Mistake, MistakesError, ModelError, UsageError
 
@@ -28,7 +30,10 @@ exit codes:
 
 
 class Arguments(argparse.ArgumentParser):
-    """A parser whose mistakes go the same way as all others."""
+    """A parser whose mistakes go the same way as all others, and that wants its words spelled out."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(**options, allow_abbrev=False)
 
     def error(self, message: str) -> NoReturn:
         raise UsageError([Mistake(message, f"'{self.prog} --help' tells what there is")])
@@ -37,9 +42,13 @@ class Arguments(argparse.ArgumentParser):
 def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> int:
     """Run a command; whatever goes wrong on purpose becomes a message and an exit code."""
     as_json = "--json" in arguments
+    if sys.stderr is None:  # somebody closed it; what is said there is lost
+        sys.stderr = open(os.devnull, "w")  # noqa: SIM115
     signal.signal(signal.SIGTERM, _interrupted)
     try:
-        return command(arguments)
+        code = command(arguments)
+        sys.stdout.flush()
+        return code
     except MistakesError as error:
         _report(error.mistakes, as_json)
         return INVALID_SCENARIO if isinstance(error, ModelError) else USAGE
@@ -50,8 +59,16 @@ def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> in
         print("\ninterrupted", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # whoever read our output has gone
-        sys.stderr.close()
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return INTERRUPTED
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        _report([Mistake(f"the answer cannot be written: {error.strerror}")], as_json=False)
+        return ENGINE_FAILED
+    except Exception:  # a broken assumption of ours; its own exit status 1 would read as 'unreachable'
+        traceback.print_exc()
+        _report([Mistake("this is a mistake in smv_planner, not in your scenario; please report it")], as_json)
+        return ENGINE_FAILED
 
 
 def _interrupted(*_: object) -> None:

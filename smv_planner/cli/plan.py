@@ -27,6 +27,10 @@ examples:
 """
 
 
+LONGEST_DEADLINE = 1e6
+"""Seconds."""
+
+
 def main() -> int:
     return outcome.run(command, sys.argv[1:])
 
@@ -49,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     )
     answer = parser.add_argument_group("the answer")
     answer.add_argument(
-        "--engine", metavar="NAME", default=DEFAULT_ENGINE, help="nusmv, nuxmv or explicit (default: %(default)s)"
+        "--engine", metavar="NAME", default=DEFAULT_ENGINE, help="nusmv, nuxmv, explicit or auto (default: %(default)s)"
     )
     answer.add_argument(
         "--deadline",
@@ -109,10 +113,10 @@ def _check(asked: argparse.Namespace) -> None:
         mistakes.append(Mistake(f"{' and '.join(kinds)} do not go together", "they ask different questions"))
     if asked.formula and not asked.goal:
         mistakes.append(Mistake("--formula goes with --goal", "an intention has its own formula, in the scenario"))
-    if not asked.deadline > 0:
-        mistakes.append(Mistake(f"the deadline is {asked.deadline:g}", "it is a number of seconds greater than 0"))
-    if asked.bound < 0:
-        mistakes.append(Mistake(f"the bound is {asked.bound}", "it counts steps, so 0 is the least"))
+    if not 0 < asked.deadline <= LONGEST_DEADLINE:
+        mistakes.append(
+            Mistake(f"the deadline is {asked.deadline:g}", f"it is in seconds, greater than 0, at most {LONGEST_DEADLINE:g}")
+        )
     if mistakes:
         raise UsageError(mistakes)
 

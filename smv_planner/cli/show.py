@@ -15,8 +15,15 @@ from smv_planner.planner.answer import Answer, PlanStep, Stage
 COLOURS = {"controlled": "bold", "automatic": "dim", "effect": "cyan", "maintenance": "bold yellow", "operation": "magenta"}
 
 
+class _Output(Console):
+    """Leaves it to the command what a reader that has gone away means."""
+
+    def on_broken_pipe(self) -> None:
+        raise BrokenPipeError
+
+
 def show_answer(model: Model, answer: Answer) -> None:
-    console = Console(highlight=False)
+    console = _Output(highlight=False)
     if not console.is_terminal:
         console.width = max(console.width, 120)
     took = f"engine {answer.engine}, {answer.engine_seconds:.2f} s of {answer.total_seconds:.2f} s"
@@ -45,8 +52,10 @@ def show_answer(model: Model, answer: Answer) -> None:
 
 def _headline(answer: Answer) -> str:
     match answer.verdict:
-        case "reached" if not answer.steps:
+        case "reached" if not answer.steps and (answer.question.goals or answer.question.exit_forbidden):
             return "[green]reached[/] already: the goal holds in the initial state"
+        case "reached" if not answer.operations and not answer.steps:
+            return "[green]nothing to do[/]"
         case "reached":
             fewest = "in each stage the fewest possible" if len(answer.stages) > 1 else "the fewest possible"
             return f"[green]reached[/] in {_count(len(answer.steps), 'step')}, {fewest}; [green]checked[/]"

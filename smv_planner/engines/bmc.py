@@ -51,7 +51,7 @@ def answer(
     except OSError as problem:
         raise EngineError(f"{name} cannot be started: {problem}") from problem
     if ended.killed == "deadline":
-        return Undecided(f"deadline of {limits.deadline:g} s, at bound {length}", deadline=True)
+        return Undecided(f"the deadline passed at bound {length}", deadline=True)
     if ended.trouble:
         return Undecided(f"{name} {ended.trouble}", deadline=False)
     return ended

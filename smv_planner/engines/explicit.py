@@ -42,7 +42,7 @@ def ask(problem: Problem, limits: Limits) -> Verdict:
             if steps.settled(state) and monitor.met_by_idling(owed, state):
                 return _trace(node, came_from)
             if time.monotonic() > ends:
-                return Undecided(f"deadline of {limits.deadline:g} s, {depth} steps deep", deadline=True)
+                return Undecided(f"the deadline passed {depth} steps deep", deadline=True)
             if len(came_from) * BYTES_PER_NODE > limits.memory:
                 return Undecided(f"memory limit at {len(came_from)} states, {depth} steps deep", deadline=False)
             ways = monitor.after(owed, state)

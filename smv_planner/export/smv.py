@@ -146,7 +146,9 @@ def encode(problem: Problem) -> Encoding:
     allowed = [writer.named(Sort.PROPERTY, i.name, i.predicate) for i in problem.allowed if i.predicate != TRUE]
     loop, idle = ("-1", 2) if _looks_ahead(problem.formula) else ("X", 1)
     bound = problem.bound + idle
+    words = {_literal(word) for domain in system.domains.values() if isinstance(domain, Enum) for word in domain.words}
     text = _template("problem.smv.j2").render(
+        words=_lines([word for word in writer.words if word not in words]),
         steps=_lines([IDLE, *(map(_step, transitions) if transitions else [NONE])]),
         variables=[(at, domain) for name, at, domain in declared if name in moving],
         constants=[(at, domain) for name, at, domain in declared if name not in moving],
@@ -175,6 +177,7 @@ class _Writer:
 
     def __init__(self) -> None:
         self.defines: dict[str, str] = {}
+        self.words: dict[str, None] = {}  # enumeration values in expressions; a set that keeps their order
 
     def keep(self, name: str, text: str) -> str:
         self.defines[name] = text
@@ -188,6 +191,8 @@ class _Writer:
     def text(self, expr: Expr) -> str:
         match expr:
             case Const(value):
+                if type(value) is str:
+                    self.words.setdefault(_literal(value))
                 return f"({_literal(value)})" if type(value) is int and value < 0 else _literal(value)
             case Var(name):
                 return _variable(name)

@@ -19,7 +19,7 @@ from smv_planner.language.sequences import sequence_of
 from smv_planner.model.expressions import TRUE, Expr
 from smv_planner.model.ltl import Formula
 from smv_planner.model.model import Copy, Intention, Model, Operation, Outcome, Resource
-from smv_planner.model.system import Assignment, Invariant, Kind, Transition, VariableKind
+from smv_planner.model.system import Any, Assignment, Invariant, Kind, Transition, VariableKind
 
 MAX_TRANSITIONS = 20_000
 MAX_PARTS = 2_000_000
@@ -184,6 +184,9 @@ def _operation(
     with_ = None if entry.with_ is UNREADABLE else entry.with_
     if with_ is not None and with_ not in transitions and not _transitions_missing(with_, world.report.holes):
         world.report.wrong((*path, "with"), f"unknown transition '{with_}'", world.report.close(with_, tuple(transitions)))
+    if with_ is not None and with_ in transitions and any(isinstance(action.value, Any) for action in transitions[with_].actions):
+        message = f"'{with_}' assigns 'any', and nobody chooses when it happens together with the completion of '{name}'"
+        world.report.wrong((*path, "with"), message, "synchronise with a transition that says which value")
     outcomes = tuple(_outcomes(entry, path, world))
     synchronised = transitions[with_].assigned if with_ is not None and with_ in transitions else frozenset()
     for outcome in outcomes:

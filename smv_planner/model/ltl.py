@@ -107,6 +107,17 @@ def co_safe(formula: Formula) -> bool:
             return co_safe(left) and co_safe(right)
 
 
+def counts_steps(formula: Formula) -> bool:
+    """Whether the formula speaks of the next state."""
+    match formula:
+        case Atom():
+            return False
+        case Next():
+            return True
+        case Both(left, right) | Either(left, right) | Until(left, right) | Release(left, right):
+            return counts_steps(left) or counts_steps(right)
+
+
 def atoms(formula: Formula) -> Iterator[Expr]:
     match formula:
         case Atom(predicate):

@@ -76,7 +76,10 @@ class Assignment:
 
 @dataclass(frozen=True, slots=True)
 class Transition:
-    """A guarded transition (Def. 3). `within` is an effect's timeout in seconds of real time."""
+    """A guarded transition (Def. 3). `within` is an effect's timeout in seconds of real time.
+
+    `completes` names the operation whose completion this is.
+    """
 
     name: str
     kind: Kind
@@ -86,6 +89,7 @@ class Transition:
     within: float | None = None
     expected: bool = True
     instruction: str | None = None
+    completes: str | None = None
 
     @property
     def assigned(self) -> frozenset[str]:

@@ -9,6 +9,7 @@ from typing import Literal
 from smv_planner.model.domains import Value
 
 VerdictName = Literal["reached", "not_within", "unreachable", "undecided", "invariant_violated"]
+ProofKind = Literal["exhausted", "relaxed", "inductive"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,12 +43,16 @@ class PlanStep:
 
 @dataclass(frozen=True, slots=True)
 class PlannedOperation:
-    """An operation of the operation plan; `after` are the indices of the operations it directly waits for."""
+    """An operation of the operation plan; `after` are the indices of the operations it directly waits for.
+
+    `changes` is what its start gives a value (`on_start`), before the first step of its stage.
+    """
 
     index: int
     operation: str
     outcome: str | None
     after: tuple[int, ...]
+    changes: Mapping[str, Value] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +93,7 @@ class Answer:
     checked: bool = False
     reason: str | None = None
     deadline: bool = False
-    proof: str | None = None
+    proof: ProofKind | None = None
     steps: tuple[PlanStep, ...] = ()
     stages: tuple[Stage, ...] = ()
     operations: tuple[PlannedOperation, ...] = ()
@@ -158,7 +163,13 @@ class Answer:
                 for stage in self.stages
             ],
             "operations": [
-                {"index": o.index, "operation": o.operation, "outcome": o.outcome, "after": list(o.after)}
+                {
+                    "index": o.index,
+                    "operation": o.operation,
+                    "outcome": o.outcome,
+                    "after": list(o.after),
+                    "changes": dict(o.changes),
+                }
                 for o in self.operations
             ],
             "culprits": [list(together) for together in self.culprits],

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from itertools import combinations
+
+from smv_planner.check import CheckedPlan
+from smv_planner.planner.decide import NoPlan, Solve, decide
+from smv_planner.problem import Problem
 
 Possible = Callable[[tuple[int, ...]], bool]
 """Whether the goals with these numbers can be reached together."""
@@ -22,6 +27,25 @@ def culprits(goals: int, possible: Possible) -> list[tuple[int, ...]]:
         if together:
             return together
     return [tuple(range(goals))]
+
+
+def goals_to_blame(problem: Problem, whole: NoPlan, solve: Solve) -> list[tuple[int, ...]] | NoPlan:
+    """The smallest sets of a problem's goals that have no plan, where all of them have none.
+
+    NoPlan if that could not be decided.
+    """
+    undecided: list[NoPlan] = [] if whole.decided else [whole]
+
+    def possible(goals: tuple[int, ...]) -> bool:
+        if undecided or len(goals) == len(problem.goals):
+            return False
+        result = decide(replace(problem, goals=tuple(problem.goals[at] for at in goals)), solve)
+        if isinstance(result, NoPlan) and not result.decided:
+            undecided.append(result)
+        return isinstance(result, CheckedPlan)
+
+    sets = culprits(len(problem.goals), possible)
+    return undecided[0] if undecided else sets
 
 
 def named(sets: Sequence[tuple[int, ...]], names: Sequence[str]) -> tuple[tuple[str, ...], ...]:

@@ -7,10 +7,22 @@ from dataclasses import dataclass
 
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
+from smv_planner.check.relaxed import out_of_reach
 from smv_planner.errors import EngineError
-from smv_planner.model.expressions import meaning
+from smv_planner.model.expressions import Const, Equal, Var, meaning, show
 from smv_planner.planner.deorder import proposals
-from smv_planner.problem import Exhausted, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
+from smv_planner.problem import (
+    Exhausted,
+    Inductive,
+    NotWithin,
+    Problem,
+    Proof,
+    Reached,
+    Relaxed,
+    Undecided,
+    Unreachable,
+    Verdict,
+)
 
 Solve = Callable[[Problem], Verdict]
 """Puts a problem to an engine."""
@@ -52,8 +64,29 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
             refused = check_proof(problem, proof)
             if refused:
                 raise EngineError(f"the engine claims that there is no plan, but {refused.reason}")
-            return NoPlan(verdict, f"all {len(proof.reached)} states that can follow were looked at, and none meets the goal")
+            return NoPlan(verdict, why_never(problem, proof))
         case NotWithin(bound):
             return NoPlan(verdict, f"there is no plan of at most {bound} steps; longer ones were not looked at")
         case Undecided(reason):
             return NoPlan(verdict, reason)
+
+
+def why_never(problem: Problem, proof: Proof) -> str:
+    """A proof of unreachability in words."""
+    match proof:
+        case Exhausted(reached):
+            return f"all {len(reached)} states that can follow were looked at, and none meets the goal"
+        case Relaxed():
+            return _never(problem, proof)
+        case Inductive(clauses):
+            return f"whatever happens, {len(clauses)} conditions that every step preserves keep the goal from being met"
+
+
+def _never(problem: Problem, proof: Relaxed) -> str:
+    match out_of_reach(problem, proof):
+        case [Equal(Var() as variable, Const() as value), *_]:
+            return f"even if nothing ever got in the way, '{show(variable)}' can never become {show(value)}"
+        case [part, *_]:
+            return f"even if nothing ever got in the way, '{show(part)}' can never become true"
+        case _:
+            return "even if nothing but the invariants ever got in the way, the goals can never be met"

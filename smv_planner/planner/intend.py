@@ -8,21 +8,23 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
+from smv_planner.model.domains import Value
 from smv_planner.model.expressions import TRUE, meaning
+from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Until, counts_steps, holds
 from smv_planner.model.model import Intention, Model
 from smv_planner.model.model import Sequence as Prescribed
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import Invariant, State, System
 from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
-from smv_planner.planner.culprits import culprits
+from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint
 from smv_planner.planner.operations import Task, footprint, pose_operations, tasks
 from smv_planner.planner.reach import Start, plan_steps, pose, violated, violations, warnings, without_plan
 from smv_planner.planner.sequences import OperationPlan, constraints, in_sequence, manual_plan
-from smv_planner.planner.stage import reached, stage_system, start
+from smv_planner.planner.stage import goal_of, stage_system, start
 from smv_planner.planner.widening import Widened
-from smv_planner.problem import Goal, NotWithin, Problem, Unreachable
+from smv_planner.problem import Goal, NotWithin, Problem
 
 Widen = Callable[[System], tuple[Widened, ...]]
 
@@ -46,13 +48,18 @@ class Levels:
 
 @dataclass(frozen=True, slots=True)
 class _Progress:
-    """What has been planned so far, and the state that it leads to."""
+    """What has been planned so far, and the states that it goes through."""
 
-    state: State
+    states: tuple[State, ...]
     steps: tuple[PlanStep, ...] = ()
     stages: tuple[Stage, ...] = ()
     operations: tuple[PlannedOperation, ...] = ()
     warnings: tuple[str, ...] = ()
+
+    @property
+    def state(self) -> State:
+        """The state reached."""
+        return self.states[-1]
 
     def with_stage(self, chosen: Sequence[tuple[Task, tuple[int, ...]]], plan: CheckedPlan) -> _Progress:
         """After one more stage: its tasks, each with the indices of the operations it waits for, and its plan."""
@@ -60,11 +67,11 @@ class _Progress:
         steps = plan_steps(plan, first, index, waits_for=_last(self.steps))
         numbers = range(len(self.operations), len(self.operations) + len(chosen))
         operations = (
-            PlannedOperation(number, task.operation.name, task.outcome.name, after)
+            PlannedOperation(number, task.operation.name, task.outcome.name, after, started(task, plan))
             for number, (task, after) in zip(numbers, chosen, strict=True)
         )
         return _Progress(
-            state=plan.trace.states[-1],
+            states=self.states + plan.trace.states,
             steps=self.steps + steps,
             stages=(*self.stages, Stage(index, tuple(numbers), first, first + len(steps))),
             operations=(*self.operations, *operations),
@@ -91,13 +98,14 @@ def intend(model: Model, intentions: Sequence[Intention], levels: Levels, blank:
     disabled: dict[str, NoPlan] = {}
     progress = first
     for _ in range(len(tasks(model)) + REPLANS):
-        plan = plan_operations(model, progress, planned, frozenset(disabled), levels)
+        unmet = [intention for intention in planned if not _met(model, intention, progress)]
+        plan = plan_operations(model, progress, unmet, frozenset(disabled), levels)
         if isinstance(plan, NoPlan):
-            return _no_operations(model, progress, planned, disabled, levels, blank, plan)
+            return _no_operations(model, progress, unmet, disabled, levels, blank, plan)
         progress, stopped = _carry_out(model, plan, progress, levels)
         match stopped:
             case None:
-                return _reached(model, blank, progress, disabled)
+                return _judged(model, blank, progress, disabled, intentions, levels)
             case NoPlan():
                 return without_plan(replace(blank, disabled=tuple(disabled)), stopped)
             case dict() if stopped:
@@ -113,9 +121,9 @@ def _settled(model: Model, levels: Levels) -> _Progress | NoPlan:
     begin = levels.begin
     problem = pose(model, begin, [Goal(TRUE)], levels.bound)
     if Steps(model.system, problem.usable).settled(begin.state):
-        return _Progress(begin.state)
+        return _Progress((begin.state,))
     result = decide(problem, levels.solve)
-    return result if isinstance(result, NoPlan) else _Progress(begin.state).with_stage([], result)
+    return result if isinstance(result, NoPlan) else _Progress((begin.state,)).with_stage([], result)
 
 
 def _by_hand(model: Model, intention: Intention, sequence: Prescribed, progress: _Progress, levels: Levels) -> _Progress | NoPlan:
@@ -154,7 +162,8 @@ def _operations_problem(
     problem = pose_operations(model, progress.state, intentions, disabled, levels.bound)
     ran = {operation.operation for operation in progress.operations}
     system = in_sequence(model, problem.system, constraints(model, intentions), ran)
-    return replace(problem, system=system, initial=system.initial)
+    allowed = tuple(invariant for invariant in problem.allowed if invariant.name not in levels.begin.lifted)
+    return replace(problem, system=system, initial=system.initial, allowed=allowed)
 
 
 Stopped = dict[str, NoPlan] | NoPlan | None
@@ -167,6 +176,7 @@ def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: L
     offset = len(progress.operations)
     placed: dict[int, int] = {}  # position in the operation plan -> index in the answer
     waiting = plan.stages()
+    split: dict[int, int] = {}  # position -> the one that it has to wait for besides
     while waiting:
         stage = waiting.pop(0)
         now = [plan.tasks[at] for at in stage]
@@ -176,17 +186,19 @@ def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: L
         result = decide(problem, levels.solve)
         if isinstance(result, CheckedPlan):
             placed |= {at: offset + len(placed) + number for number, at in enumerate(stage)}
-            after = [tuple(sorted(placed[other] for other in plan.after[at])) for at in stage]
+            waits = [{*plan.after[at], *([split[at]] if at in split else [])} for at in stage]
+            after = [tuple(sorted(placed[other] for other in others)) for others in waits]
             progress = progress.with_stage(list(zip(now, after, strict=True)), result)
         elif not result.decided:
             return progress, result
         else:
-            sets = _culprits(problem, levels, result)
+            sets = goals_to_blame(problem, result, levels.solve)
             if isinstance(sets, NoPlan):
                 return progress, sets
             failed = [goals[0] for goals in sets if len(goals) == 1]
             if failed:
                 return progress, {now[goal].name: result for goal in failed}
+            split |= dict(zip(stage[1:], stage, strict=False))
             waiting[:0] = [[at] for at in stage]  # each is possible, together they are not: one after the other
     return progress, None
 
@@ -198,27 +210,11 @@ def pose_stage(model: Model, state: State, chosen: Sequence[Task], levels: Level
     return Problem(
         system=system,
         initial=begun,
-        goals=tuple(Goal(reached(model, execution.post)) for execution in executing),
+        goals=tuple(Goal(goal_of(model, execution)) for execution in executing),
         allowed=levels.allowed(system),
         unusable=levels.begin.unusable(system),
         bound=levels.bound,
     )
-
-
-def _culprits(problem: Problem, levels: Levels, whole: NoPlan) -> list[tuple[int, ...]] | NoPlan:
-    """The smallest sets of goals that have no plan (sections 4.2 and 4.3); NoPlan if that could not be decided."""
-    undecided: list[NoPlan] = []
-
-    def possible(goals: tuple[int, ...]) -> bool:
-        if len(goals) == len(problem.goals):
-            return False
-        result = decide(replace(problem, goals=tuple(problem.goals[at] for at in goals)), levels.solve)
-        if isinstance(result, NoPlan) and not result.decided:
-            undecided.append(result)
-        return isinstance(result, CheckedPlan)
-
-    sets = culprits(len(problem.goals), possible)
-    return undecided[0] if undecided else sets
 
 
 def _no_operations(
@@ -234,14 +230,46 @@ def _no_operations(
     blank = replace(blank, disabled=tuple(disabled))
     if not result.decided:
         return without_plan(blank, result)
-    sets = _culprits(_operations_problem(model, progress, intentions, frozenset(disabled), levels), levels, result)
+    problem = _operations_problem(model, progress, intentions, frozenset(disabled), levels)
+    sets = goals_to_blame(problem, result, levels.solve)
     if isinstance(sets, NoPlan):
         return without_plan(blank, sets)
-    unproved = next((why for why in disabled.values() if not isinstance(why.verdict, Unreachable)), result)
+    relative = disabled or progress.stages  # judged from states that one plan led to; another plan may do better
+    verdict = NotWithin(levels.bound) if relative else result.verdict
     failed = [f"operation '{name}' cannot be completed: {why.reason}" for name, why in disabled.items()]
     reason = "; ".join(failed or [result.reason])
     names = tuple(tuple(intentions[at].name for at in goals) for goals in sets)
-    return without_plan(replace(blank, culprits=names), NoPlan(unproved.verdict, reason))
+    return without_plan(replace(blank, culprits=names), NoPlan(verdict, reason))
+
+
+def _met(model: Model, intention: Intention, progress: _Progress) -> bool:
+    """Whether an intention without a formula had its goal reached on the way; goals need not hold at once."""
+    goal = meaning(intention.goal, model.system.index)
+    return bool(progress.stages) and intention.formula is None and any(map(goal, progress.states))
+
+
+def _judged(
+    model: Model,
+    blank: Answer,
+    progress: _Progress,
+    disabled: dict[str, NoPlan],
+    intentions: Sequence[Intention],
+    levels: Levels,
+) -> Answer:
+    """The answer, if the steps do what the operations promise: `formula U goal` on the states they go through.
+
+    A formula with `X` counts operations, not steps, and is left to the operation planner.
+    """
+    for intention in intentions:
+        promised = Until(intention.formula or ALWAYS_TRUE, Atom(intention.goal))
+        if not counts_steps(promised) and not holds(promised, progress.states, model.system.index):
+            reason = (
+                f"the operations reach '{intention.name}', but the steps that carry them out break its formula or undo its goal"
+            )
+            return without_plan(
+                replace(blank, disabled=tuple(disabled), culprits=((intention.name,),)), NoPlan(NotWithin(levels.bound), reason)
+            )
+    return _reached(model, blank, progress, disabled)
 
 
 def _reached(model: Model, blank: Answer, progress: _Progress, disabled: dict[str, NoPlan]) -> Answer:
@@ -257,6 +285,12 @@ def _reached(model: Model, blank: Answer, progress: _Progress, disabled: dict[st
         final=model.system.named(progress.state),
         warnings=(*blank.warnings, *left_out, *progress.warnings),
     )
+
+
+def started(task: Task, plan: CheckedPlan) -> dict[str, Value]:
+    """What `on_start` of a task gives a value at the beginning of its stage."""
+    initial = plan.problem.system.named(plan.problem.initial)
+    return {action.variable: initial[action.variable] for action in task.operation.on_start if action.variable in initial}
 
 
 def _last(steps: Sequence[PlanStep]) -> tuple[int, ...]:

@@ -15,7 +15,6 @@ from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, Named, Var, meaning, rewritten, substitute, variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, Formula
 from smv_planner.model.model import Intention, Model, Operation, Outcome
-from smv_planner.model.semantics import fire
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, State, System, Transition, Variable, VariableKind
 from smv_planner.problem import Goal, Problem
 
@@ -104,10 +103,19 @@ def footprint(model: Model, task: Task) -> frozenset[str]:
 
 
 def post_condition(model: Model, task: Task, state: State) -> dict[str, Value]:
-    """What completing a task started in `state` changes, as values: the effects evaluated at the start (Def. 5)."""
+    """What completing a task started in `state` changes, as values: the effects evaluated at the start (Def. 5).
+
+    Judged against the state that `on_start` leaves; an effect that would leave a domain counts as none.
+    """
     system = operation_system(model, state)
-    (after,) = fire(system, _as_step(model, task), system.initial) or (system.initial,)
-    begun = {a.variable for a in task.operation.on_start}
-    ended = {a.variable for a in task.outcome.effects}
-    changed = system.changes(system.initial, after)
-    return {name: value for name, value in changed.items() if name in ended or name not in begun}
+    begun = list(system.initial)
+    for action in task.operation.on_start:
+        if not isinstance(action.value, Any):
+            begun[system.index[action.variable]] = meaning(abstracted(model, action.value), system.index)(system.initial)
+    post = {}
+    for action in task.outcome.effects:
+        if not isinstance(action.value, Any):
+            value = meaning(abstracted(model, action.value), system.index)(tuple(begun))
+            if value != begun[system.index[action.variable]] and value in system.domains[action.variable]:
+                post[action.variable] = value
+    return post

@@ -6,15 +6,17 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
+from smv_planner.model.domains import Value
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.model import Model
 from smv_planner.model.semantics import slide
-from smv_planner.model.system import Invariant, Kind, State, System, Transition
-from smv_planner.planner.answer import Answer, PlanStep, Stage, Violation
+from smv_planner.model.system import Any, Invariant, Kind, State, System, Transition
+from smv_planner.planner.answer import Answer, PlanStep, ProofKind, Stage, Violation
+from smv_planner.planner.culprits import goals_to_blame, named
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.prompt import needs_late_effects
 from smv_planner.planner.widening import Widened
-from smv_planner.problem import Goal, NotWithin, Problem, Undecided, Unreachable
+from smv_planner.problem import Exhausted, Goal, Inductive, NotWithin, Problem, Proof, Relaxed, Undecided, Unreachable
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +41,8 @@ class Start:
     def _usable(self, system: System, transition: Transition) -> bool:
         if transition.kind is Kind.MAINTENANCE:  # a person can do it even if the resource is lost
             return self.maintenance
+        if transition.kind.automatic:  # our own doing, which nothing can hold back
+            return True
         touched = {system.resources[name] for name in transition.assigned} | {transition.resource}
         return transition.expected and transition.name not in self.disabled and self.lost.isdisjoint(touched)
 
@@ -85,7 +89,11 @@ def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve) -> Answer
         return violated(blank, found)
     result = decide(problem, solve)
     if isinstance(result, NoPlan):
-        return without_plan(blank, result)
+        found_out = goals_to_blame(problem, result, solve)
+        if isinstance(found_out, NoPlan):
+            return without_plan(blank, result)
+        texts = blank.question.goals or ("all invariants",)
+        return without_plan(replace(blank, culprits=named(found_out, texts)), result)
     steps = plan_steps(result)
     return replace(
         blank,
@@ -122,12 +130,22 @@ def violated(blank: Answer, found: tuple[Violation, ...]) -> Answer:
 
 def without_plan(blank: Answer, result: NoPlan) -> Answer:
     match result.verdict:
-        case Unreachable():
-            return replace(blank, verdict="unreachable", proof="exhausted", checked=True, reason=result.reason)
+        case Unreachable(proof):
+            return replace(blank, verdict="unreachable", proof=proof_kind(proof), checked=True, reason=result.reason)
         case NotWithin():
             return replace(blank, verdict="not_within", reason=result.reason)
         case Undecided(_, deadline):
             return replace(blank, verdict="undecided", reason=result.reason, deadline=deadline)
+
+
+def proof_kind(proof: Proof) -> ProofKind:
+    match proof:
+        case Exhausted():
+            return "exhausted"
+        case Relaxed():
+            return "relaxed"
+        case Inductive():
+            return "inductive"
 
 
 def plan_steps(plan: CheckedPlan, first: int = 0, stage: int = 0, waits_for: tuple[int, ...] = ()) -> tuple[PlanStep, ...]:
@@ -142,13 +160,20 @@ def plan_steps(plan: CheckedPlan, first: int = 0, stage: int = 0, waits_for: tup
                 transition=name,
                 kind=transition.kind.value,
                 after=tuple(first + other for other in after) or waits_for,
-                changes=system.changes(trace.states[at], trace.states[at + 1]),
+                changes=_changes(system, transition, trace.states[at], trace.states[at + 1]),
                 stage=stage,
-                operation=name.partition(".complete")[0] if transition.kind is Kind.OPERATION else None,
+                operation=transition.completes,
                 instruction=transition.instruction,
             )
         )
     return tuple(steps)
+
+
+def _changes(system: System, transition: Transition, before: State, after: State) -> dict[str, Value]:
+    """What has a new value, and every value that the planner chose, new or not."""
+    chosen = {action.variable for action in transition.actions if isinstance(action.value, Any)}
+    changed = system.changes(before, after)
+    return {name: value for name, value in system.named(after).items() if name in changed or name in chosen}
 
 
 def warnings(plan: CheckedPlan) -> tuple[str, ...]:

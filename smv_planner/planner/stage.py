@@ -72,6 +72,14 @@ def stage_system(model: Model, executing: Sequence[Execution]) -> System:
     return replace(system, invariants=(*system.invariants, *_frozen_invariants(system, frozen)))
 
 
+def goal_of(model: Model, execution: Execution) -> Expr:
+    """What a stage has to reach for an operation: its post-condition; its low-level goal if nothing is left to change."""
+    goal = execution.task.outcome.goal
+    if execution.post or goal is None:
+        return reached(model, execution.post)
+    return conjunction([goal, _synchronised(model, execution.task.operation).guard])
+
+
 def reached(model: Model, post: Mapping[str, Value]) -> Expr:
     """That a post-condition holds, as a predicate on states of the resources."""
     copies = {copy.name: copy.value for copy in model.copies}
@@ -91,6 +99,7 @@ def frozen_variables(model: Model, executing: Iterable[Execution]) -> tuple[str,
         for outcome in execution.task.operation.outcomes:
             mentioned |= variables_of(outcome.goal) if outcome.goal else frozenset()
         mentioned.update(*execution.posts.values())
+        mentioned |= _synchronised(model, execution.task.operation).assigned
     return tuple(v.name for v in model.variables if v.name in assigned - mentioned)
 
 
@@ -106,14 +115,21 @@ def _completion(model: Model, operation: Operation, outcome: Outcome, execution:
     assert outcome.goal is not None
     name = completion_name(operation, outcome)
     if execution is None:
-        return Transition(name, Kind.OPERATION, FALSE, ())
+        return Transition(name, Kind.OPERATION, FALSE, (), completes=operation.name)
     post = execution.posts[Task(operation, outcome).name]
-    synchronised = model.system.transition[operation.synchronised] if operation.synchronised else None
+    synchronised = _synchronised(model, operation)
     open_yet = [negation(reached(model, other)) for other in execution.posts.values() if other]
-    guard = conjunction([outcome.goal, synchronised.guard if synchronised else TRUE, *open_yet])
+    guard = conjunction([outcome.goal, synchronised.guard, *open_yet])
     effects = [Assignment(variable, Const(value)) for variable, value in post.items() if variable in model.system.index]
-    actions = (*(synchronised.actions if synchronised else ()), *effects)
-    return Transition(name, Kind.OPERATION, guard, actions)
+    actions = (*synchronised.actions, *effects)
+    return Transition(name, Kind.OPERATION, guard, actions, completes=operation.name)
+
+
+def _synchronised(model: Model, operation: Operation) -> Transition:
+    """The transition whose guard and actions join the completion; one that does nothing if there is none."""
+    if operation.synchronised is None:
+        return Transition(operation.name, Kind.OPERATION, TRUE, ())
+    return model.system.transition[operation.synchronised]
 
 
 def _held(transition: Transition, frozen: Sequence[str]) -> Transition:

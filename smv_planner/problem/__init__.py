@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
+from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, conjunction
 from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Formula, Until, all_of
 from smv_planner.model.semantics import settled
@@ -75,10 +76,39 @@ class Exhausted:
 
 
 @dataclass(frozen=True, slots=True)
+class Relaxed:
+    """What every variable may ever be worth, in the system's order, if no value once reached were ever lost.
+
+    Whatever can happen stays inside these sets, each condition judged part by part; and no goal can be met there.
+    """
+
+    values: tuple[tuple[Value, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Clause:
+    """Some variable differs from the value given, or one of the formula's obligations (`ltl.Monitor`'s bits) is still owed."""
+
+    differs: tuple[tuple[str, Value], ...]
+    owes: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Inductive:
+    """Clauses that hold at the start, that every step preserves together, and that no state meeting the goals satisfies."""
+
+    clauses: tuple[Clause, ...]
+
+
+Proof = Exhausted | Relaxed | Inductive
+"""Why there is no plan of any length: an over-approximation of all that can happen, in one of three forms."""
+
+
+@dataclass(frozen=True, slots=True)
 class Unreachable:
     """There is no plan of any length, and here is why."""
 
-    proof: Exhausted
+    proof: Proof
 
 
 @dataclass(frozen=True, slots=True)

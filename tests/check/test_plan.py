@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import replace
 from functools import cache
-from itertools import islice
+from itertools import islice, pairwise
 
 from generated import question
 
@@ -130,7 +130,7 @@ def test_an_order_is_certified_just_when_every_linearisation_is_a_plan():
 def loosened(problem, trace):
     """The total order without one pair of neighbouring blocks."""
     groups = blocks(problem, trace.path)
-    for first, second in zip(groups, groups[1:], strict=False):
+    for first, second in pairwise(groups):
         freed = sum(1 << at for at in first)
         yield tuple(before & ~freed if at in second else before for at, before in enumerate(total_order(len(trace.path))))
 

@@ -17,7 +17,7 @@ ROOT = Path(__file__).parents[2]
 NUSMV = Path(sys.executable).with_name("NuSMV")
 QUESTION = ["scenarios/tool_change", "--goal", "tool_e == robot", "--engine", "nuxmv", "--json"]
 
-LIAR = '''#!{python}
+LIAR = """#!{python}
 import re, subprocess, sys
 from pathlib import Path
 from xml.etree import ElementTree
@@ -37,7 +37,7 @@ middle = len(nodes) // 2
 {answer}
 tree.write(trace)
 {after}
-'''
+"""
 
 ASK = {
     "it was asked without invariants": "text = re.sub(r'^INVAR .*$', '', text, flags=re.M)",

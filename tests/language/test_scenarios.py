@@ -216,7 +216,7 @@ def test_every_part_of_a_scenario_can_be_written_in_python():
         },
         decision={"s": Decision(("a", "b"), "a"), "c": Decision(["a", "b"], from_={"a": "p", "otherwise": "b"})},
         invariants={"i": "true"},
-        operations={"o": Operation(guard="c == a", outcomes={"w": Outcome({"c": "b"}, goal="p")}, with_="t", retries=2)},
+        operations={"o": Operation(guard="c == a", outcomes={"w": Outcome({"c": "b"}, goal="p")}, with_="u", retries=2)},
         intentions={"n": Intention(start="p", goal="s == b", formula="F c == a", actions={"s": "a"})},
     )
     model = build(scenario)
@@ -224,7 +224,7 @@ def test_every_part_of_a_scenario_can_be_written_in_python():
         (Assignment("d.x", Any()),),
         (Assignment("d.x", Const(2)), Assignment("s", Const("b"))),
     ]
-    assert model.operations[0].synchronised == "t"
+    assert model.operations[0].synchronised == "u"
     assert model.copies[0].value == If(Named("p", Equal(Var("d.x"), Const(0))), Const("a"), Const("b"))
 
 

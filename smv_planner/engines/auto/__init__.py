@@ -1,0 +1,151 @@
+"""The engine that is asked when none is named: quick arguments first, each exact or silent.
+
+Relaxed reachability proves most impossible goals impossible at once. Breadth-first search on packed states finds a
+shortest plan or runs out of states. Where there are too many, bounded model checking looks for a shortest plan from
+where the search stopped, in turns with a search for an inductive proof that there is none.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from smv_planner.engines.auto.frames import Frames
+from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.relaxed import out_of_reach
+from smv_planner.engines.auto.search import Ended, Tables, explore
+from smv_planner.engines.auto.session import Session, session_of
+from smv_planner.model.expressions import meaning
+from smv_planner.problem import Exhausted, Inductive, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
+
+if TYPE_CHECKING:
+    from smv_planner.engines import Limits
+
+FEW = 2_000
+"""How many states are looked at before relaxed reachability is tried: most plans are found sooner than it is set up."""
+
+SOME = 200
+"""The same where relaxed reachability is set up already."""
+
+BUDGET = 75_000
+"""How many states the search looks at before others get their turn."""
+
+BYTES_PER_NODE = 250
+
+SECONDS_PER_STATE = 200e-6
+"""About how long the kernel takes to check one state of a proof by exhaustion."""
+
+MANY = 1000
+"""From so many states on, a proof by clauses is worth looking for."""
+
+EXTRA = 1.0
+"""For how many seconds at least a proof is looked for when it is clear that no plan is within the bound."""
+
+
+BYTES_PER_CLAUSE = 200
+
+OnTime = Callable[[str], bool]
+"""Says how far a search is, and is told whether there is time left."""
+
+
+def ask(problem: Problem, limits: Limits, budget: int = BUDGET) -> Verdict:
+    """Answer a question; `budget` is how many states the search may look at before the SAT solver takes over."""
+    ends = time.monotonic() + limits.deadline
+
+    def on_time(text: str) -> bool:
+        limits.progress(text)
+        return time.monotonic() <= ends
+
+    index = problem.system.index
+    if not all(meaning(invariant.predicate, index)(problem.initial) for invariant in problem.allowed):
+        return Unreachable(Exhausted(frozenset()))
+    warm = session_of(problem.system)
+    ground, tables = warm.variant(problem.allowed)
+    depth = by_states(problem, warm, ground, tables, min(budget, limits.memory // BYTES_PER_NODE), on_time)
+    verdict = depth if not isinstance(depth, int) else by_clauses(problem, warm, ground, depth, limits.memory, on_time)
+    if isinstance(verdict, Late):
+        return Undecided(f"{verdict.limit} reached, no plan of fewer than {verdict.depth} steps", deadline=verdict.deadline)
+    return verdict
+
+
+@dataclass(frozen=True, slots=True)
+class Late:
+    """A limit was reached before an answer: what is known is that there is no plan of fewer than `depth` steps."""
+
+    depth: int
+    deadline: bool = True
+
+    @property
+    def limit(self) -> str:
+        return "deadline" if self.deadline else "memory limit"
+
+
+def by_states(
+    problem: Problem, warm: Session, ground: Ground, tables: Tables, budget: int, on_time: OnTime
+) -> Reached | Unreachable | Late | int:
+    """Search states, and try relaxed reachability on the way. A number says how many steps are at least needed."""
+    relaxed = False
+    few = SOME if warm.abstracted(ground) else FEW
+    for found in explore(tables, problem):
+        if isinstance(found, Reached):
+            return found
+        over = isinstance(found, Ended) or found.number > budget or found.depth > problem.bound
+        if not relaxed and (over or found.number > few):
+            relaxed = True
+            proof = out_of_reach(warm.abstraction(ground), ground, problem)
+            if proof:
+                return Unreachable(proof)
+        if isinstance(found, Ended):
+            return Unreachable(_short_proof(found, ground, problem, on_time) or found.proof())
+        if over:
+            return found.depth
+        if not on_time(f"{found.number} states, {found.depth} steps deep"):
+            return Late(found.depth)
+    raise AssertionError("the search ends with a plan, at the bound, or because nothing is left")
+
+
+def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime) -> Inductive | None:
+    """A proof by clauses, if one is found in less time than the kernel needs to check a proof by states."""
+    if ended.number <= MANY:
+        return None
+    ends = time.monotonic() + ended.number * SECONDS_PER_STATE
+    for found in Frames(ground, problem).proof():
+        if isinstance(found, Inductive):
+            return found
+        if time.monotonic() > ends or not on_time(f"all {ended.number} states seen, looking for a short proof"):
+            return None
+    return None
+
+
+def by_clauses(
+    problem: Problem, warm: Session, ground: Ground, depth: int, memory: int, on_time: OnTime
+) -> Reached | NotWithin | Unreachable | Late:
+    """A shortest plan of `depth` or more steps, or a proof that there is none, whichever is found first.
+
+    The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
+    than that no plan is within the bound.
+    """
+    unrolled = warm.unrolled()
+    searching, proving = unrolled.run(problem, ground, depth), Frames(ground, problem).proof()
+    spent_searching = spent_proving = 0.0
+    hopeful = True  # that there may be a proof
+    while depth <= problem.bound or (hopeful and spent_proving < 2 * spent_searching + EXTRA):
+        began = time.monotonic()
+        if hopeful and (depth > problem.bound or spent_proving < spent_searching):
+            proof = next(proving, None)
+            spent_proving += time.monotonic() - began
+            if isinstance(proof, Inductive):
+                return Unreachable(proof)
+            hopeful = proof is not None
+        else:
+            found = next(searching)
+            spent_searching += time.monotonic() - began
+            if isinstance(found, Reached):
+                return found
+            depth = found
+        in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= memory
+        if not on_time(f"no plan of fewer than {depth} steps") or not in_memory:
+            return Late(depth, deadline=in_memory) if depth <= problem.bound else NotWithin(problem.bound)
+    return NotWithin(problem.bound)

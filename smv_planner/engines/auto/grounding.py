@@ -1,0 +1,306 @@
+"""A system taken apart, once: actions with their conditions, and states packed into integers.
+
+An action is a transition with the planner's choices made. Whether it is enabled, and whether it leads to an allowed
+state, are conjunctions; each conjunct reads a few variables only, which is what makes the search and the relaxed
+reachability quick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+
+from smv_planner.model.domains import Value
+from smv_planner.model.expressions import (
+    FALSE,
+    TRUE,
+    And,
+    Const,
+    Expr,
+    Named,
+    Not,
+    Or,
+    Var,
+    disjunction,
+    equality,
+    meaning,
+    negation,
+    parts_of,
+    substitute,
+)
+from smv_planner.model.semantics import may_fire
+from smv_planner.model.system import Any, Invariant, State, System, Transition
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """A transition and, where it lets the planner choose, one choice; enabled if all of `conditions` hold."""
+
+    transition: Transition
+    conditions: tuple[Expr, ...]
+    assigned: Mapping[str, Expr]
+
+
+class Reads:
+    """Which variables expressions read. By identity: to compare large expressions takes time."""
+
+    def __init__(self) -> None:
+        self._known: dict[int, tuple[Expr, frozenset[str]]] = {}
+
+    def __call__(self, expr: Expr) -> frozenset[str]:
+        found = self._known.get(id(expr))
+        if found is None:
+            parts = parts_of(expr)
+            names = frozenset([expr.name]) if isinstance(expr, Var) else frozenset().union(*map(self, parts))
+            found = self._known[id(expr)] = expr, names
+        return found[1]
+
+    def trim(self) -> None:
+        """Forget the expressions of earlier questions, if they have become many."""
+        if len(self._known) > EXPRESSIONS:
+            self._known.clear()
+
+
+EXPRESSIONS = 200_000
+"""Of how many expressions is kept what they read."""
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A system's actions, in the order in which their transitions are declared, under allowed invariants.
+
+    The invariants are taken apart into `clauses`. `keeps` says for each action when it leads to a state that is allowed,
+    given that it starts from one.
+    """
+
+    system: System
+    actions: tuple[Action, ...]
+    clauses: tuple[Expr, ...]
+    reads: Reads
+
+    @cached_property
+    def packing(self) -> Packing:
+        return Packing(self.system)
+
+    def usable(self, unusable: frozenset[str]) -> int:
+        """The usable actions, one bit each."""
+        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.name not in unusable)
+
+    @cached_property
+    def automatic(self) -> int:
+        """The automatic actions, one bit each."""
+        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.kind.automatic)
+
+    @cached_property
+    def keeps(self) -> tuple[tuple[Expr, ...], ...]:
+        split = [alternatives(clause) for clause in self.clauses]
+        touching: dict[str, list[int]] = {}
+        for at, clause in enumerate(self.clauses):
+            for name in self.reads(clause):
+                touching.setdefault(name, []).append(at)
+        result = []
+        for action in self.actions:
+            touched = sorted({at for name in action.assigned for at in touching.get(name, ())})
+            after = (self._after(split[at], action.assigned) for at in touched)
+            result.append(tuple(part for clause in after for part in conjuncts(clause)))
+        return tuple(result)
+
+    def _after(self, parts: tuple[Expr, ...], assigned: Mapping[str, Expr]) -> Expr:
+        """What a clause asks of the state before an action, for it to hold after."""
+        left = []
+        for part in parts:
+            names = self.reads(part)
+            if not names.isdisjoint(assigned):
+                part = self._decided(part, names, assigned)
+                if isinstance(part, Const):
+                    if part.value:
+                        return TRUE
+                    continue
+            left.append(part)
+        return FALSE if not left else left[0] if len(left) == 1 else Or(tuple(left))
+
+    def _decided(self, part: Expr, names: frozenset[str], assigned: Mapping[str, Expr]) -> Expr:
+        touched = tuple((name, value) for name, value in assigned.items() if name in names)
+        key = (id(part), touched)
+        if key not in self._substituted:
+            name, value = touched[0]
+            if len(names) == 1 and isinstance(value, Const):
+                decided: Expr = Const(bool(meaning(part, {name: 0})((value.value,))))
+            else:
+                decided = substitute(part, assigned)
+            self._substituted[key] = part, decided
+        return self._substituted[key][1]
+
+    @cached_property
+    def _substituted(self) -> dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]]:
+        return {}
+
+
+def ground(system: System, actions: tuple[Action, ...], allowed: Iterable[Invariant], reads: Reads) -> Ground:
+    clauses = (clause for invariant in allowed for clause in conjuncts(invariant.predicate))
+    return Ground(system, actions, tuple(dict.fromkeys(clauses)), reads)
+
+
+def actions_of(system: System) -> tuple[Action, ...]:
+    return tuple(action for transition in system.transitions for action in _actions(system, transition))
+
+
+def _actions(system: System, transition: Transition) -> Iterator[Action]:
+    fires = tuple(conjuncts(may_fire(system, transition)))
+    fixed = {action.variable: action.value for action in transition.actions if not isinstance(action.value, Any)}
+    free = [action.variable for action in transition.actions if isinstance(action.value, Any)]
+    for choice in product(*(system.domains[name].values for name in free)):
+        assigned = {**fixed, **{name: Const(value) for name, value in zip(free, choice, strict=True)}}
+        changes = disjunction(negation(equality(Var(name), value)) for name, value in assigned.items())
+        yield Action(transition, tuple(dict.fromkeys((*fires, *conjuncts(changes)))), assigned)
+
+
+def conjuncts(expr: Expr, positive: bool = True) -> Iterator[Expr]:
+    """Parts that all have to hold for `expr` to be `positive`; none if it always is."""
+    match expr:
+        case Named(_, part):
+            yield from conjuncts(part, positive)
+        case Not(part):
+            yield from conjuncts(part, not positive)
+        case Const(value):
+            if value is not positive:
+                yield FALSE
+        case And(parts) if positive:
+            for part in parts:
+                yield from conjuncts(part)
+        case Or(parts) if not positive:
+            for part in parts:
+                yield from conjuncts(part, False)
+        case _:
+            yield expr if positive else negation(expr)
+
+
+def alternatives(expr: Expr) -> tuple[Expr, ...]:
+    """Parts of which one has to hold for `expr` to hold."""
+    return tuple(negation(part) for part in conjuncts(expr, False))
+
+
+class Packing:
+    """States as integers: each variable has just as many bits as it needs, and `width` counts them all."""
+
+    def __init__(self, system: System) -> None:
+        self.masks: dict[str, int] = {}
+        self.codes: dict[str, dict[Value, int]] = {}
+        self._values: list[tuple[int, int, tuple[Value, ...]]] = []
+        self.width = 0
+        for variable in system.variables:
+            values = variable.domain.values
+            bits = (len(values) - 1).bit_length()
+            self.masks[variable.name] = ((1 << bits) - 1) << self.width
+            self.codes[variable.name] = {value: at << self.width for at, value in enumerate(values)}
+            self._values.append((self.width, (1 << bits) - 1, values))
+            self.width += bits
+        self._coded = tuple(self.codes.values())
+        self.reader = {v.name: value for v, value in zip(system.variables, self._values, strict=True)}
+
+    def pack(self, state: State) -> int:
+        return sum(codes[value] for codes, value in zip(self._coded, state, strict=True))
+
+    def unpack(self, node: int) -> State:
+        return tuple([values[node >> shift & mask] for shift, mask, values in self._values])
+
+    def mask(self, names: Iterable[str]) -> int:
+        return sum(self.masks[name] for name in names)
+
+
+class Judgement(dict[int, int]):
+    """Conditions that read the same variables: from the bits of these variables to the mask that the conditions leave.
+
+    A condition that does not hold clears its bits of the mask. Each is judged once for all values of its variables.
+    """
+
+    def __init__(self, packing: Packing, names: Sequence[str], conditions: Sequence[tuple[Expr, int]], full: int) -> None:
+        super().__init__()
+        self._readers = [packing.reader[name] for name in names]
+        self._index = {name: at for at, name in enumerate(names)}
+        self._written = conditions
+        self._full = full
+        self.part = packing.mask(names)
+
+    @cached_property
+    def _conditions(self) -> list[tuple[Callable[[State], Value], int]]:
+        return [(meaning(condition, self._index), bits) for condition, bits in self._written]
+
+    def __missing__(self, part: int) -> int:
+        state = tuple([values[part >> shift & mask] for shift, mask, values in self._readers])
+        result = self._full
+        for holds, bits in self._conditions:
+            if not holds(state):
+                result &= ~bits
+        self[part] = result
+        return result
+
+
+class View(dict[int, int]):
+    """A part of the state, and the mask that everything judged by this part leaves."""
+
+    def __init__(self, judgements: Iterable[Judgement], full: int) -> None:
+        super().__init__()
+        self._judgements = [(judgement.part, judgement) for judgement in judgements]
+        self._full = full
+        self.part = 0
+        for bits, _ in self._judgements:
+            self.part |= bits
+
+    def __missing__(self, part: int) -> int:
+        result = self._full
+        for bits, judgement in self._judgements:
+            result &= judgement[part & bits]
+        self[part] = result
+        return result
+
+    def entries(self) -> int:
+        return len(self) + sum(len(judgement) for _, judgement in self._judgements)
+
+    def forget(self) -> None:
+        self.clear()
+        for _, judgement in self._judgements:
+            judgement.clear()
+
+
+VIEW_BITS = 16
+"""How many bits of a state one view looks at, if its conditions allow."""
+
+
+def views(packing: Packing, needs: Mapping[Expr, int], full: int, reads: Reads) -> tuple[View, ...]:
+    """Views that together say which bits of `full` survive: those whose conditions all hold."""
+    alike: dict[frozenset[str], list[tuple[Expr, int]]] = {}
+    for condition, bits in needs.items():
+        alike.setdefault(reads(condition), []).append((condition, bits))
+    order = {name: at for at, name in enumerate(packing.masks)}
+    judgements = [
+        Judgement(packing, sorted(names, key=order.__getitem__), conditions, full) for names, conditions in alike.items()
+    ]
+    judgements.sort(key=lambda judgement: -judgement.part.bit_count())  # stable: equal widths stay in order
+    groups: list[tuple[int, list[Judgement]]] = []
+    for judgement in judgements:
+        part = judgement.part
+        room = [
+            ((part & ~bits).bit_count(), at)
+            for at, (bits, _) in enumerate(groups)
+            if not part & ~bits or (part | bits).bit_count() <= VIEW_BITS
+        ]
+        if room:
+            at = min(room)[1]
+            bits, kept = groups[at]
+            kept.append(judgement)
+            groups[at] = (bits | part, kept)
+        else:
+            groups.append((part, [judgement]))
+    return tuple(View(kept, full) for _, kept in groups)
+
+
+def needs_of(conditions: Iterable[tuple[Iterable[Expr], int]]) -> dict[Expr, int]:
+    """For every condition the bits that need it."""
+    needs: dict[Expr, int] = {}
+    for parts, bit in conditions:
+        for part in parts:
+            needs[part] = needs.get(part, 0) | bit
+    return needs

@@ -1,0 +1,266 @@
+"""Breadth-first search over packed states, nearest first, until a goal, the end, the bound or the budget.
+
+A node is a packed state with the number of what the formula still asks for above it. The priority of automatic
+transitions, what is usable, what is allowed and what the formula asks for are all looked up in memos.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from smv_planner.engines.auto.grounding import Ground, View, conjuncts, needs_of, views
+from smv_planner.model.expressions import Expr, Var, conjunction, meaning, variables_of
+from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
+from smv_planner.model.system import State
+from smv_planner.problem import Exhausted, Problem, Reached
+
+SETTLED = "settled"
+"""Stands for 'no automatic transition is enabled' in formulas over propositions; no user name looks like the others."""
+
+MEMO = 500_000
+"""How many entries the memos of a warm session may hold before they start afresh."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """What one action does to a node: `keep` some bits, `put` others; computed values come from a view of what is read."""
+
+    action: int
+    keep: int
+    put: int
+    computed: Computed | None
+
+
+class Computed(dict[int, int]):
+    """The bits that an action assigns, by the bits that its expressions read."""
+
+    def __init__(self, of: Ground, assigned: dict[str, Expr], reads: frozenset[str]) -> None:
+        super().__init__()
+        self._packing = of.packing
+        self._assigned = [(of.packing.codes[name], meaning(value, of.system.index)) for name, value in assigned.items()]
+        self.part = of.packing.mask(reads)
+
+    def __missing__(self, part: int) -> int:
+        state = self._packing.unpack(part)
+        self[part] = sum(codes[value(state)] for codes, value in self._assigned)
+        return self[part]
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """What can be done from nodes that look alike."""
+
+    allowed: bool
+    settled: bool
+    fixed: tuple[tuple[int, int], ...]
+    computed: tuple[tuple[int, Computed], ...]
+    actions: tuple[int, ...]
+
+
+class Tables:
+    """Everything about the moves of a grounded system that does not depend on the question; kept while it is warm."""
+
+    def __init__(self, of: Ground) -> None:
+        self.ground = of
+        self.packing = of.packing
+        self._count = len(of.actions)
+        self.allowed = 1 << self._count
+        self.full = (1 << self._count + 1) - 1
+        enabled = ((action.conditions, 1 << at) for at, action in enumerate(of.actions))
+        self.views = views(self.packing, needs_of([*enabled, (of.clauses, self.allowed)]), self.full, of.reads)
+        self.moves = tuple(self._move(at) for at in range(self._count))
+        self._ways: dict[int, dict[int, Way]] = {}
+
+    def ways(self, usable: int) -> dict[int, Way]:
+        """A memo for one set of usable actions: from the masks that the views leave to what can be done."""
+        return self._ways.setdefault(usable, {})
+
+    def way(self, mask: int, usable: int) -> Way:
+        """What can be done where the views leave `mask`. Whether a state is allowed is judged when it is looked at."""
+        enabled = mask & usable
+        first = enabled & self.ground.automatic
+        if first:
+            enabled = first & -first
+        chosen = []
+        while enabled:
+            chosen.append(self.moves[(enabled & -enabled).bit_length() - 1])
+            enabled &= enabled - 1
+        return Way(
+            allowed=bool(mask & self.allowed),
+            settled=not first,
+            fixed=tuple((move.keep, move.put) for move in chosen if move.computed is None),
+            computed=tuple((move.keep, move.computed) for move in chosen if move.computed is not None),
+            actions=tuple(move.action for move in chosen),
+        )
+
+    def trim(self) -> None:
+        """Forget what is only remembered to be quicker, if that has become much."""
+        if sum(view.entries() for view in self.views) + sum(map(len, self._ways.values())) > MEMO:
+            for view in self.views:
+                view.forget()
+            self._ways.clear()
+            self.moves = tuple(self._move(at) for at in range(self._count))
+
+    def _move(self, at: int) -> Move:
+        action, packing = self.ground.actions[at], self.packing
+        state_bits = (1 << packing.width) - 1
+        keep = state_bits & ~packing.mask(action.assigned)
+        constant = {name: value for name, value in action.assigned.items() if not variables_of(value)}
+        if len(constant) == len(action.assigned):
+            blank: State = ()
+            put = 0
+            for name, value in constant.items():
+                worth = meaning(value, {})(blank)
+                put |= packing.codes[name].get(worth, 0)  # a value outside the domain is never assigned
+            return Move(at, keep, put, None)
+        reads = frozenset(name for value in action.assigned.values() for name in variables_of(value))
+        return Move(at, keep, 0, Computed(self.ground, dict(action.assigned), reads))
+
+
+@dataclass(frozen=True, slots=True)
+class Paused:
+    """No plan of fewer than `depth` steps; `number` nodes are known so far."""
+
+    depth: int
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class Ended:
+    """There is nothing more to look at, and so no plan: `proof` has the `number` nodes that there are, made when asked for."""
+
+    number: int
+    proof: Callable[[], Exhausted]
+
+
+class Watch:
+    """Follows a problem's formula on packed nodes: which propositions hold, and what is then left to ask for."""
+
+    def __init__(self, of: Ground, problem: Problem) -> None:
+        predicates: dict[Expr, str] = {}
+        for goal in problem.goals:
+            for predicate in (goal.predicate, *atoms(goal.until)):
+                predicates.setdefault(predicate, f"{len(predicates)}")
+        names = [*predicates.values(), SETTLED]
+        index = {name: at for at, name in enumerate(names)}
+        proposition: Callable[[Expr], Expr] = lambda predicate: Var(predicates[predicate])  # noqa: E731
+        formula: Formula = all_of(
+            Until(over_atoms(goal.until, proposition), Atom(conjunction([proposition(goal.predicate), Var(SETTLED)])))
+            for goal in problem.goals
+        )
+        self._monitor = Monitor(formula, index)
+        self._names = names
+        self._width = of.packing.width
+        self.full = (1 << len(predicates)) - 1
+        needs = needs_of((conjuncts(predicate), 1 << at) for at, predicate in enumerate(predicates))
+        self.views: tuple[View, ...] = views(of.packing, needs, self.full, of.reads)
+        self.obligations: list[int] = [self._monitor.start]
+        self._numbers = {self._monitor.start: 0}
+
+    def duty(self, seen: int, settled: bool, number: int) -> tuple[int, ...] | None:
+        """What is left to ask for next, each way as bits of a node; None if idling here meets the formula."""
+        state = (*(bool(seen >> at & 1) for at in range(len(self._names) - 1)), settled)
+        owed = self.obligations[number]
+        if settled and self._monitor.met_by_idling(owed, state):
+            return None
+        return tuple(self._number(left) << self._width for left in self._monitor.after(owed, state))
+
+    def _number(self, owed: int) -> int:
+        if owed not in self._numbers:
+            self._numbers[owed] = len(self.obligations)
+            self.obligations.append(owed)
+        return self._numbers[owed]
+
+
+def explore(tables: Tables, problem: Problem, chunk: int = 2048) -> Iterator[Reached | Ended | Paused]:
+    """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
+
+    The first hit is a shortest plan. The initial state has to be allowed.
+    """
+    packing, width = tables.packing, tables.packing.width
+    watch = Watch(tables.ground, problem)
+    usable = tables.ground.usable(problem.unusable)
+    ways = tables.ways(usable)
+    duties: dict[tuple[int, bool, int], tuple[int, ...] | None] = {}
+    moving = [(view.part, view) for view in tables.views]
+    watching = [(view.part, view) for view in watch.views]
+    full, watched = tables.full, watch.full
+
+    start = packing.pack(problem.initial)
+    parent: dict[int, int] = {start: start}
+    forbidden: set[int] = set()
+    frontier = [start]
+    depth = 0
+    while frontier and depth <= problem.bound:
+        yield Paused(depth, len(parent))
+        following: list[int] = []
+        for looked, node in enumerate(frontier):
+            if looked % chunk == chunk - 1:
+                yield Paused(depth, len(parent))
+            mask, seen = full, watched
+            for part, view in moving:
+                mask &= view[node & part]
+            for part, view in watching:
+                seen &= view[node & part]
+            way = ways.get(mask)
+            if way is None:
+                way = ways[mask] = tables.way(mask, usable)
+            if not way.allowed:
+                forbidden.add(node)
+                continue
+            key = (seen, way.settled, node >> width)
+            if key in duties:
+                duty = duties[key]
+            else:
+                duty = duties[key] = watch.duty(*key)
+            if duty is None:
+                yield _trace(tables, watch, problem, node, parent)
+                return
+            for left in duty:
+                for keep, put in way.fixed:
+                    new = node & keep | put | left
+                    if new not in parent:
+                        parent[new] = node
+                        following.append(new)
+                for keep, computed in way.computed:
+                    new = node & keep | computed[node & computed.part] | left
+                    if new not in parent:
+                        parent[new] = node
+                        following.append(new)
+        frontier = following
+        depth += 1
+    if frontier:
+        yield Paused(depth, len(parent))
+        return
+    low = (1 << width) - 1
+    looked_at = parent.keys() - forbidden
+    yield Ended(
+        number=len(looked_at),
+        proof=lambda: Exhausted(frozenset((packing.unpack(node & low), watch.obligations[node >> width]) for node in looked_at)),
+    )
+
+
+def _trace(tables: Tables, watch: Watch, problem: Problem, node: int, parent: dict[int, int]) -> Reached:
+    low = (1 << tables.packing.width) - 1
+    nodes = [node]
+    while parent[node] != node:
+        node = parent[node]
+        nodes.append(node)
+    nodes.reverse()
+    usable = tables.ground.usable(problem.unusable)
+    path = [_name(tables, usable, before & low, after & low) for before, after in itertools.pairwise(nodes)]
+    return Reached(tuple(path), tuple(tables.packing.unpack(node & low) for node in nodes))
+
+
+def _name(tables: Tables, usable: int, before: int, after: int) -> str:
+    mask = tables.full
+    for view in tables.views:
+        mask &= view[before & view.part]
+    for at in tables.way(mask, usable).actions:
+        move = tables.moves[at]
+        put = move.put if move.computed is None else move.computed[before & move.computed.part]
+        if before & move.keep | put == after:
+            return tables.ground.actions[at].transition.name
+    raise AssertionError("a node follows on its parent by one of the parent's actions")

@@ -1,0 +1,80 @@
+"""What is kept of a system between questions: everything here depends on the system, nothing on an earlier question.
+
+Systems compare by identity, so a session is found again for as long as the same system is asked about.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from smv_planner.engines.auto.bounded import Unrolled
+from smv_planner.engines.auto.grounding import Ground, Reads, actions_of, ground
+from smv_planner.engines.auto.relaxed import Abstraction
+from smv_planner.engines.auto.search import Tables
+from smv_planner.model.system import Invariant, System
+
+SYSTEMS = 8
+"""How many systems stay warm."""
+
+VARIANTS = 4
+"""How many sets of allowed invariants stay warm for one system."""
+
+CLAUSES = 3_000_000
+"""How many clauses the SAT solver may hold before the next question begins with a new one."""
+
+QUESTIONS = 500
+"""After how many questions it does so in any case, for it remembers their formulas."""
+
+
+class Session:
+    def __init__(self, system: System) -> None:
+        self.actions = actions_of(system)
+        self._system = system
+        self._reads = Reads()
+        self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
+        self._abstractions: dict[Ground, Abstraction] = {}
+        self._unrolled: Unrolled | None = None
+        self._asked = 0
+
+    def variant(self, allowed: tuple[Invariant, ...]) -> tuple[Ground, Tables]:
+        """The system under a set of allowed invariants, and the moves of its actions."""
+        key = tuple(map(id, allowed))  # to compare large expressions takes time
+        found = self._variants.pop(key, None)
+        if found is None:
+            of = ground(self._system, self.actions, allowed, self._reads)
+            found = allowed, of, Tables(of)
+        self._variants[key] = found  # last in is last out
+        if len(self._variants) > VARIANTS:
+            _, dropped, _ = self._variants.pop(next(iter(self._variants)))
+            self._abstractions.pop(dropped, None)
+        _, of, tables = found
+        self._reads.trim()
+        tables.trim()
+        return of, tables
+
+    def abstracted(self, of: Ground) -> bool:
+        """Whether the abstraction is there already."""
+        return of in self._abstractions
+
+    def abstraction(self, of: Ground) -> Abstraction:
+        if of not in self._abstractions:
+            self._abstractions[of] = Abstraction(of)
+        self._abstractions[of].trim()
+        return self._abstractions[of]
+
+    def unrolled(self) -> Unrolled:
+        """The layers for the SAT solver; made when they are first needed, and anew when they have grown too much."""
+        self._asked += 1
+        if self._unrolled is not None:
+            too_many = self._unrolled.clauses.solver.nof_clauses() > CLAUSES
+            if too_many or self._asked % QUESTIONS == 0:
+                self._unrolled.clauses.close()
+                self._unrolled = None
+        if self._unrolled is None:
+            self._unrolled = Unrolled(self._system, self.actions)
+        return self._unrolled
+
+
+@lru_cache(maxsize=SYSTEMS)
+def session_of(system: System) -> Session:
+    return Session(system)
