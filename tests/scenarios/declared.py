@@ -44,6 +44,7 @@ class Ask:
     exit_forbidden: bool = False
     formula: str | None = None
     bound: int = 100
+    deadline: float = 60
 
 
 @dataclass(frozen=True)
@@ -160,6 +161,7 @@ def answer(case: Case, model: sp.Model, engine: str = "explicit") -> sp.Answer:
         lose=given.lost,
         engine=engine,
         bound=SHORT if bounded else asked.bound,
+        deadline=asked.deadline,
     )
 
 
