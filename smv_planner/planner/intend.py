@@ -104,7 +104,7 @@ def intend(model: Model, intentions: Sequence[Intention], levels: Levels, blank:
             return _no_operations(model, progress, unmet, disabled, levels, blank, plan)
         progress, stopped = _carry_out(model, plan, progress, levels)
         match stopped:
-            case None:
+            case None if not plan.tasks or all(_met(model, intention, progress) for intention in planned):
                 return _judged(model, blank, progress, disabled, intentions, levels)
             case NoPlan():
                 return without_plan(replace(blank, disabled=tuple(disabled)), stopped)
@@ -237,15 +237,23 @@ def _no_operations(
     relative = disabled or progress.stages  # judged from states that one plan led to; another plan may do better
     verdict = NotWithin(levels.bound) if relative else result.verdict
     failed = [f"operation '{name}' cannot be completed: {why.reason}" for name, why in disabled.items()]
+    if progress.stages and not failed:
+        failed = [
+            f"the steps of {len(progress.stages)} stages undo what their operations promise, and from there {result.reason}"
+        ]
     reason = "; ".join(failed or [result.reason])
     names = tuple(tuple(intentions[at].name for at in goals) for goals in sets)
     return without_plan(replace(blank, culprits=names), NoPlan(verdict, reason))
 
 
 def _met(model: Model, intention: Intention, progress: _Progress) -> bool:
-    """Whether an intention without a formula had its goal reached on the way; goals need not hold at once."""
-    goal = meaning(intention.goal, model.system.index)
-    return bool(progress.stages) and intention.formula is None and any(map(goal, progress.states))
+    """Whether `formula U goal` holds on the states gone through; goals need not hold at once.
+
+    A formula with `X` counts operations, not steps, and is left to the operation planner.
+    """
+    formula = intention.formula or ALWAYS_TRUE
+    promised = Until(ALWAYS_TRUE if counts_steps(formula) else formula, Atom(intention.goal))
+    return holds(promised, progress.states, model.system.index)
 
 
 def _judged(
@@ -256,19 +264,14 @@ def _judged(
     intentions: Sequence[Intention],
     levels: Levels,
 ) -> Answer:
-    """The answer, if the steps do what the operations promise: `formula U goal` on the states they go through.
-
-    A formula with `X` counts operations, not steps, and is left to the operation planner.
-    """
+    """The answer, if the steps do what the operations promise."""
     for intention in intentions:
-        promised = Until(intention.formula or ALWAYS_TRUE, Atom(intention.goal))
-        if not counts_steps(promised) and not holds(promised, progress.states, model.system.index):
+        if not _met(model, intention, progress):
             reason = (
                 f"the operations reach '{intention.name}', but the steps that carry them out break its formula or undo its goal"
             )
-            return without_plan(
-                replace(blank, disabled=tuple(disabled), culprits=((intention.name,),)), NoPlan(NotWithin(levels.bound), reason)
-            )
+            broken = replace(blank, disabled=tuple(disabled), culprits=((intention.name,),))
+            return without_plan(broken, NoPlan(NotWithin(levels.bound), reason))
     return _reached(model, blank, progress, disabled)
 
 
