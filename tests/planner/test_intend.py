@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 from collections import Counter
+from dataclasses import replace
 
 import pytest
 from generated_levels import model
 
 from smv_planner.api import widened, widened_system
 from smv_planner.engines import ENGINES, Limits, explicit
-from smv_planner.model.expressions import conjunction, meaning
+from smv_planner.model.expressions import Named, Var, conjunction, meaning, rewritten
 from smv_planner.model.ltl import co_safe
 from smv_planner.model.model import Model
+from smv_planner.model.system import Any, Assignment
 from smv_planner.planner.answer import Answer, Question
 from smv_planner.planner.intend import Levels, intend
 from smv_planner.planner.operations import decisions, tasks
 from smv_planner.planner.reach import Start
-from smv_planner.planner.stage import completion_name, reached, start
+from smv_planner.planner.stage import completion_name, frozen_variables, reached, start
 from smv_planner.problem import NotWithin, Problem, Reached, Verdict
 
 LIMITS = Limits(deadline=60, memory=1 << 30, progress=lambda text: None)
@@ -50,6 +52,8 @@ def test_answers_keep_their_promises():
         seen[answer.verdict] += 1
         seen["operations disabled"] += bool(answer.disabled)
         seen["culprits named"] += bool(answer.culprits)
+        seen["several intentions"] += len(generated.intentions) > 1
+        seen["with a formula for ever"] += any(i.formula and not co_safe(i.formula) for i in generated.intentions)
         seen["stages in parallel"] += any(len(stage.operations) > 1 for stage in answer.stages)
         if answer.reached:
             replay(generated, answer, seen)
@@ -65,6 +69,9 @@ def test_answers_keep_their_promises():
         "several outcomes": 5,
         "synchronised": 5,
         "by interaction": 5,
+        "several intentions": 20,
+        "with a formula for ever": 10,
+        "with frozen variables": 50,
     }
     assert all(seen[kind] >= quota for kind, quota in quotas.items()), seen
 
@@ -80,6 +87,7 @@ def replay(generated: Model, answer: Answer, seen: Counter[str]) -> None:
         assert all(meaning(task.operation.guard, index)(state) for task in chosen)
         state, executing = start(generated, state, chosen)
         for execution in executing:
+            seen["with frozen variables"] += bool(frozen_variables(generated, executing))
             seen["several outcomes"] += len(execution.task.operation.outcomes) > 1
             seen["synchronised"] += execution.task.operation.synchronised is not None
             seen["by interaction"] += execution.task.outcome.goal is None
@@ -128,3 +136,64 @@ def test_every_problem_on_both_levels_agrees_with_the_explicit_engine(engine, se
     for seed in seeds:
         answered(model(seed), both)
     assert counts["asked"] > 20
+
+
+def test_renaming_every_resource_changes_nothing_but_names():
+    for seed in range(40):
+        plain, renamed = answered(model(seed)), answered(renaming(model(seed)))
+        assert plain.verdict == renamed.verdict
+        assert [new_name(step.transition) for step in plain.steps] == [step.transition for step in renamed.steps]
+        assert [step.after for step in plain.steps] == [step.after for step in renamed.steps]
+        assert [operation.operation for operation in plain.operations] == [o.operation for o in renamed.operations]
+
+
+def new_name(name: str) -> str:
+    """Resources are called r0, r1, ...; everything of theirs begins with that and a dot."""
+    return f"zz_{name}" if name.partition(".")[0] in ("r0", "r1", "r2") else name
+
+
+def renaming(plain: Model) -> Model:
+    def expr(old):
+        return None if old is None else rewritten(old, lambda n: Var(new_name(n.name)) if isinstance(n, Var) else None)
+
+    def actions(old):
+        return tuple(Assignment(new_name(a.variable), a.value if isinstance(a.value, Any) else expr(a.value)) for a in old)
+
+    def outcome(old):
+        return replace(old, effects=actions(old.effects), goal=expr(old.goal))
+
+    def copied(old):  # a copy's own name stands in conditions beside its definition
+        return None if old is None else rewritten(old, lambda n: Named(n.name, expr(n.part)) if named(n) else variable(n))
+
+    def named(node):
+        return isinstance(node, Named) and node.name == "away"
+
+    def variable(node):
+        return Var(new_name(node.name)) if isinstance(node, Var) else None
+
+    return replace(
+        plain,
+        resources=tuple(replace(r, name=new_name(r.name)) for r in plain.resources),
+        variables=tuple(replace(v, name=new_name(v.name), resource=v.resource and new_name(v.resource)) for v in plain.variables),
+        copies=tuple(replace(c, value=expr(c.value)) for c in plain.copies),
+        transitions=tuple(
+            replace(
+                t,
+                name=new_name(t.name),
+                guard=copied(t.guard),
+                actions=actions(t.actions),
+                resource=t.resource and new_name(t.resource),
+            )
+            for t in plain.transitions
+        ),
+        operations=tuple(
+            replace(
+                o,
+                guard=copied(o.guard),
+                outcomes=tuple(map(outcome, o.outcomes)),
+                synchronised=o.synchronised and new_name(o.synchronised),
+            )
+            for o in plain.operations
+        ),
+        intentions=tuple(replace(i, goal=copied(i.goal)) for i in plain.intentions),
+    )
