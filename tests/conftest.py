@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -18,6 +19,14 @@ if NUSMV.exists() and not (shutil.which("nuXmv") or shutil.which("nuxmv")):
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--rewrite", action="store_true", help="write the golden texts anew instead of comparing")
+
+
+@pytest.fixture
+def interruptible() -> Iterator[None]:
+    """Processes started in this test take note of an interrupt, even where the tests themselves run in the background."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture

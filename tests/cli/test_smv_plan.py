@@ -165,6 +165,7 @@ def test_help_teaches_and_version_is_short():
     assert run("--version").stdout.startswith("smv-plan ")
 
 
+@pytest.mark.usefixtures("interruptible")
 def test_an_interrupt_ends_the_search_and_leaves_nothing_behind():
     hard = ["scenarios/dummy_robots", "--goal", "r1.act_pos == away and r1.act_pos == at", "--engine", "nusmv", "--bound", "4000"]
     process = subprocess.Popen(

@@ -24,7 +24,7 @@ FAULTS = {
     "hangs with closed pipes": "exec sleep 600 >&- 2>&-",
     "forks and hangs": "sleep 600 & sleep 600",
     "forks and leaves": "sleep 600 & exit 0",
-    "forks, leaves and floods": "yes & exit 0",
+    "forks, leaves and floods": "yes >&2 & exit 0",
 }
 
 HANGS = {name for name in FAULTS if "hangs" in name}

@@ -92,6 +92,7 @@ nuxmv.ask(QUESTIONS["up to the border"][0], Limits(60, 1 << 30, print))
 """
 
 
+@pytest.mark.usefixtures("interruptible")
 @pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGKILL])
 def test_the_model_checker_goes_with_the_planner(end: signal.Signals, tmp_path: Path, temporary: Path) -> None:
     stand_in = StandIn(tmp_path, "exec sleep 600")
