@@ -5,6 +5,7 @@ What a case file may say stands in scenarios/README.md.
 
 from __future__ import annotations
 
+from collections import ChainMap
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from functools import cache
@@ -28,11 +29,17 @@ SHORT = 15
 
 @dataclass(frozen=True)
 class Given:
-    set: Mapping[str, bool | int | str] = field(default_factory=dict)
+    """`set` may be several mappings, of which the later ones prevail."""
+
+    set: Mapping[str, bool | int | str] | tuple[Mapping[str, bool | int | str], ...] = field(default_factory=dict)
     maintenance: bool = False
     lift: tuple[str, ...] = ()
     disabled: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
+
+    @property
+    def settings(self) -> Mapping[str, bool | int | str]:
+        return dict(ChainMap(*reversed(self.set))) if isinstance(self.set, tuple) else self.set
 
 
 @dataclass(frozen=True)
@@ -154,7 +161,7 @@ def answer(case: Case, model: sp.Model, engine: str = "explicit") -> sp.Answer:
         intentions=() if isinstance(asked.intentions, str) else asked.intentions,
         exit_forbidden=asked.exit_forbidden,
         formula=asked.formula,
-        set=given.set,
+        set=given.settings,
         maintenance=given.maintenance,
         lift=given.lift,
         disable=given.disabled,

@@ -17,6 +17,12 @@ from scenarios.declared import CASES, ROOT, SCENARIOS, Case, answer, differences
 import smv_planner as sp
 from smv_planner.engines import ENGINES
 
+
+def long(deadline: float) -> tuple[pytest.MarkDecorator, ...]:
+    """What is given more time than usual is a long test."""
+    return (pytest.mark.long,) if deadline > 60 else ()
+
+
 FOR_NUXMV = (
     "door/open",
     "door/locked_for_ever",
@@ -26,7 +32,7 @@ FOR_NUXMV = (
 """It is the user's own tool, so a few cases have to do."""
 
 QUESTIONS = [
-    pytest.param(folder, case, engine, id=f"{folder}/{name}-{engine}")
+    pytest.param(folder, case, engine, id=f"{folder}/{name}-{engine}", marks=long(case.ask.deadline))
     for folder, found in CASES.items()
     for name, case in found.items()
     for engine in ENGINES
@@ -142,6 +148,11 @@ class Claim:
     command: str
     result: str
 
+    @property
+    def deadline(self) -> float:
+        given = re.search(r"--deadline (\d+)", self.command)
+        return float(given[1]) if given else 0.0
+
 
 def claims(readme: Path) -> Iterator[Claim]:
     """The commands of a README, each with the line that follows it."""
@@ -161,7 +172,12 @@ def test_a_readme_keeps_its_commands_where_they_are_checked(folder: Path) -> Non
 
 
 @pytest.mark.parametrize(
-    "claim", [pytest.param(c, id=f"{f.name}{n}") for f in SCENARIOS for n, c in enumerate(claims(f / "README.md"))]
+    "claim",
+    [
+        pytest.param(claim, id=f"{folder.name}{number}", marks=long(claim.deadline))
+        for folder in SCENARIOS
+        for number, claim in enumerate(claims(folder / "README.md"))
+    ],
 )
 def test_a_readme_tells_the_truth(claim: Claim) -> None:
     told = CLAIM.fullmatch(claim.result)
