@@ -269,7 +269,17 @@ def meaning(expr: Expr, index: Mapping[str, int]) -> Callable[[tuple[Value, ...]
 
 def show(expr: Expr) -> str:
     """An expression in the language of scenarios, for people to read."""
-    return _show(expr, 0)
+    return _show(rewritten(expr, _cases_of), 0)
+
+
+def _cases_of(node: Expr) -> Expr | None:
+    """A comparison with a value that depends on conditions, case by case: the language has no `if`."""
+    match node:
+        case Equal(If(condition, then, otherwise), other) | Equal(other, If(condition, then, otherwise)):
+            first, second = (rewritten(equality(value, other), _cases_of) for value in (then, otherwise))
+            when = rewritten(condition, _cases_of)
+            return disjunction([conjunction([when, first]), conjunction([negation(when), second])])
+    return None
 
 
 def _show(expr: Expr, inside: int) -> str:
