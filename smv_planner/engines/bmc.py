@@ -20,6 +20,10 @@ MODEL, SCRIPT = "problem.smv", "problem.cmd"
 DESCRIPTION = "BMC Counterexample"
 """How NuSMV describes a trace that starts in an initial state; it also reports traces that do not."""
 
+FIRST = "bounded model checking, bound after bound: the first counterexample"
+NONE = "bounded model checking found no counterexample up to the bound"
+"""By which argument a model checker answers."""
+
 _BOUND = re.compile(r"Generating problem with bound (\d{1,9}),")
 
 

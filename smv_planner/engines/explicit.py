@@ -56,9 +56,9 @@ def ask(problem: Problem, limits: Limits) -> Verdict:
                         came_from[after, way] = (node, transition.name)
                         following.append((after, way))
         if not following:
-            return Unreachable(Exhausted(frozenset(came_from)))
+            return Unreachable(Exhausted(frozenset(came_from)), "breadth-first search looked at every state that can follow")
         frontier = following
-    return NotWithin(problem.bound)
+    return NotWithin(problem.bound, "breadth-first search looked at every plan within the bound")
 
 
 def _trace(node: Node, came_from: dict[Node, tuple[Node, str] | None]) -> Reached:
@@ -67,4 +67,4 @@ def _trace(node: Node, came_from: dict[Node, tuple[Node, str] | None]) -> Reache
         node, name = origin
         path.append(name)
         states.append(node[0])
-    return Reached(tuple(reversed(path)), tuple(reversed(states)))
+    return Reached(tuple(reversed(path)), tuple(reversed(states)), "breadth-first search looked at every shorter plan")

@@ -9,6 +9,7 @@ import json
 import sys
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -22,7 +23,7 @@ CHILD = (sys.executable, "-I", str(Path(__file__).with_name("nusmv_child.py")))
 
 def available() -> str | None:
     if find_spec("pynusmv") is None:
-        return "pynusmv is not installed: `make setup` builds and installs it"
+        return "pynusmv is not installed: `make nusmv` builds and installs it, for which it needs compilers"
     return None
 
 
@@ -41,10 +42,10 @@ def ask(problem: Problem, limits: Limits, child: Sequence[str] = CHILD) -> Verdi
         return Undecided("NuSMV ended without an answer", deadline=False)
     match _parsed(ended.output):
         case {"none_within": int(bound), **rest} if bound == encoding.bound and not rest:
-            return NotWithin(problem.bound)
+            return NotWithin(problem.bound, bmc.NONE)
         case {"description": bmc.DESCRIPTION, "states": list(states), "inputs": list(inputs), **rest} if not rest:
             if all(map(_readings, (*states, *inputs))):
-                return encoding.decode(RawTrace(tuple(states), tuple(inputs)))
+                return replace(encoding.decode(RawTrace(tuple(states), tuple(inputs))), argument=bmc.FIRST)
     raise EngineError(f"NuSMV's answer makes no sense: {ended.output[:200]!r}")
 
 

@@ -11,6 +11,7 @@ import re
 import shutil
 import stat
 import time
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -55,10 +56,10 @@ def ask(problem: Problem, limits: Limits) -> Verdict:
             return ended
         trace = _written(where / TRACE_FILE)
     if trace is not None:
-        return encoding.decode(read(trace))
+        return replace(encoding.decode(read(trace)), argument=bmc.FIRST)
     bounds = _NONE.findall(ended.output)
     if bounds and int(bounds[-1]) == encoding.bound:
-        return NotWithin(problem.bound)
+        return NotWithin(problem.bound, bmc.NONE)
     return Undecided(f"nuXmv ended without an answer, and last said:\n{ended.last_words}", deadline=False)
 
 

@@ -1,12 +1,13 @@
 """What is asked of an engine, and what it may answer: values, no behaviour.
 
 `Problem` goes to an engine, a `Verdict` comes back. Verdicts are values, not exceptions: that there is no plan is an
-answer. Nothing here says whether an answer is right; `check` does.
+answer. Nothing here says whether an answer is right; `check` does. A verdict's `argument` is the engine's own word, for
+people, on how it came to it; it makes no difference to what the verdict says.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 from smv_planner.model.domains import Value
@@ -59,6 +60,7 @@ class Reached:
 
     path: tuple[str, ...]
     states: tuple[State, ...]
+    argument: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +68,7 @@ class NotWithin:
     """No plan of at most `bound` steps; nothing is said about longer ones. All that bounded model checking can say."""
 
     bound: int
+    argument: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,6 +112,7 @@ class Unreachable:
     """There is no plan of any length, and here is why."""
 
     proof: Proof
+    argument: str = field(default="", compare=False)
 
 
 @dataclass(frozen=True, slots=True)

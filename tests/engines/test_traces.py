@@ -212,6 +212,6 @@ def test_an_engine_that_is_not_there_says_how_to_get_it(monkeypatch: pytest.Monk
     monkeypatch.setitem(sys.modules, "pynusmv", None)
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     monkeypatch.setattr(nusmv, "find_spec", lambda name: None)
-    assert "make setup" in str(nusmv.available())
+    assert "make nusmv" in str(nusmv.available())
     with pytest.raises(EngineError, match="pynusmv"):
         nusmv.ask(PROBLEM, LIMITS)

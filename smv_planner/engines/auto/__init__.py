@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.frames import Frames
@@ -45,6 +45,12 @@ EXTRA = 1.0
 
 
 BYTES_PER_CLAUSE = 200
+
+SEARCHED = "breadth-first search looked at every shorter plan"
+ALL_SEEN = "breadth-first search looked at every state that can follow"
+RELAXED = "relaxed reachability: out of reach even if no value were ever lost"
+PRESERVED = "property-directed reachability found conditions that every step preserves"
+"""By which argument an answer was found, in words; SAT says from which length on it was asked."""
 
 OnTime = Callable[[str], bool]
 """Says how far a search is, and is told whether there is time left."""
@@ -90,15 +96,16 @@ def by_states(
     few = SOME if warm.abstracted(ground) else FEW
     for found in explore(tables, problem):
         if isinstance(found, Reached):
-            return found
+            return replace(found, argument=SEARCHED)
         over = isinstance(found, Ended) or found.number > budget or found.depth > problem.bound
         if not relaxed and (over or found.number > few):
             relaxed = True
             proof = out_of_reach(warm.abstraction(ground), ground, problem)
             if proof:
-                return Unreachable(proof)
+                return Unreachable(proof, RELAXED)
         if isinstance(found, Ended):
-            return Unreachable(_short_proof(found, ground, problem, on_time) or found.proof())
+            short = _short_proof(found, ground, problem, on_time)
+            return Unreachable(short, PRESERVED) if short else Unreachable(found.proof(), ALL_SEEN)
         if over:
             return found.depth
         if not on_time(f"{found.number} states, {found.depth} steps deep"):
@@ -127,6 +134,8 @@ def by_clauses(
     The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
     than that no plan is within the bound.
     """
+    by_sat = f"breadth-first search up to {depth - 1} steps, then SAT," if depth else "SAT"
+    not_within = NotWithin(problem.bound, f"{by_sat if depth <= problem.bound else 'search'} ruled out every plan within the bound")
     unrolled = warm.unrolled()
     searching, proving = unrolled.run(problem, ground, depth), Frames(ground, problem).proof()
     spent_searching = spent_proving = 0.0
@@ -137,15 +146,15 @@ def by_clauses(
             proof = next(proving, None)
             spent_proving += time.monotonic() - began
             if isinstance(proof, Inductive):
-                return Unreachable(proof)
+                return Unreachable(proof, PRESERVED)
             hopeful = proof is not None
         else:
             found = next(searching)
             spent_searching += time.monotonic() - began
             if isinstance(found, Reached):
-                return found
+                return replace(found, argument=f"{by_sat} ruled out every shorter plan")
             depth = found
         in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= memory
         if not on_time(f"no plan of fewer than {depth} steps") or not in_memory:
-            return Late(depth, deadline=in_memory) if depth <= problem.bound else NotWithin(problem.bound)
-    return NotWithin(problem.bound)
+            return Late(depth, deadline=in_memory) if depth <= problem.bound else not_within
+    return not_within
