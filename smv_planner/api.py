@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,12 +22,12 @@ from smv_planner.model.system import System
 from smv_planner.planner import intend, reach
 from smv_planner.planner.answer import Answer, Question
 from smv_planner.planner.widening import Widened, widen
-from smv_planner.problem import Goal, Problem, Verdict
+from smv_planner.problem import Goal, NotWithin, Problem, Reached, Unreachable, Verdict
 
 if TYPE_CHECKING:
     from smv_planner.export.smv import Encoding
 
-DEFAULT_ENGINE = "nusmv"
+DEFAULT_ENGINE = "auto"
 DEFAULT_BOUND = 100
 DEFAULT_DEADLINE = 60.0
 LONGEST_PLAN = 100_000
@@ -105,7 +105,9 @@ def plan(
         if not chosen:
             blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
         answer = intend.intend(model, chosen, intend.Levels(begin, ask, widened_system, bound), blank)
-    return replace(answer, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
+    # What answers a question with goals is the first verdict; those after it only look for whom to blame.
+    arguments = tuple(ask.arguments)[: None if ask.several else 1]
+    return replace(answer, arguments=arguments, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
 
 
 def pose(model: Model, asked: Question, bound: int = DEFAULT_BOUND) -> Problem:
@@ -173,6 +175,8 @@ class _Engine:
     several: bool
     seconds: float = 0.0
     asked: int = 0
+    arguments: dict[str, None] = field(default_factory=dict)
+    """By which arguments it has answered, in the order of their first use."""
 
     def __post_init__(self) -> None:
         from smv_planner.engines import ENGINES, Limits
@@ -189,10 +193,14 @@ class _Engine:
             self._write(problem, self.smv)
         began = time.monotonic()
         try:
-            return self._engine.ask(problem, self._limits(max(self.ends - began, 0.0), MEMORY, self.progress))
+            verdict = self._engine.ask(problem, self._limits(max(self.ends - began, 0.0), MEMORY, self.progress))
         finally:
             self.asked += 1
             self.seconds += time.monotonic() - began
+        match verdict:
+            case Reached() | NotWithin() | Unreachable():
+                self.arguments.setdefault(verdict.argument)
+        return verdict
 
     def _write(self, problem: Problem, path: Path) -> None:
         try:

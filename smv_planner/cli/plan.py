@@ -16,8 +16,8 @@ from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Answer
 
 DESCRIPTION = """\
-Plan how a scenario reaches a goal. The model is given to a bounded model checker, which is asked to prove that the
-goal cannot be reached; its counterexample, replayed and accepted by an independent checker, is the plan."""
+Plan how a scenario reaches a goal. An engine is asked to prove that the goal cannot be reached; its counterexample,
+replayed and accepted by an independent checker, is the plan. Its proof, if there is none, is checked as well."""
 
 EXAMPLES = """\
 examples:
@@ -53,7 +53,7 @@ def parser() -> argparse.ArgumentParser:
     )
     answer = parser.add_argument_group("the answer")
     answer.add_argument(
-        "--engine", metavar="NAME", default=DEFAULT_ENGINE, help="nusmv, nuxmv, explicit or auto (default: %(default)s)"
+        "--engine", metavar="NAME", default=DEFAULT_ENGINE, help="auto, sat, explicit, nusmv or nuxmv (default: %(default)s)"
     )
     answer.add_argument(
         "--deadline",

@@ -80,6 +80,7 @@ class Answer:
 
     `culprits` are goals, intentions or operations that cannot be reached (together); `disabled` are the operations that
     the plan does without, because no transition plan could complete them.
+    `arguments` are the engine's own words on how it came to its verdicts, each once; empty if it was not asked.
     `engine_seconds` and `total_seconds` are filled in by whoever holds the clock.
     """
 
@@ -102,6 +103,7 @@ class Answer:
     final: Mapping[str, Value] = field(default_factory=dict)
     violations: tuple[Violation, ...] = ()
     warnings: tuple[str, ...] = ()
+    arguments: tuple[str, ...] = ()
     engine_seconds: float = 0.0
     total_seconds: float = 0.0
 
@@ -135,6 +137,7 @@ class Answer:
             "length": self.length,
             "bound": self.bound,
             "engine": self.engine,
+            "argument": "; ".join(self.arguments) or None,
             "checked": self.checked,
             "reason": self.reason,
             "proof": {"kind": self.proof, "checked": True} if self.proof else None,

@@ -50,7 +50,7 @@ SEARCHED = "breadth-first search looked at every shorter plan"
 ALL_SEEN = "breadth-first search looked at every state that can follow"
 RELAXED = "relaxed reachability: out of reach even if no value were ever lost"
 PRESERVED = "property-directed reachability found conditions that every step preserves"
-"""By which argument an answer was found, in words; SAT says from which length on it was asked."""
+"""By which argument an answer was found, in words."""
 
 OnTime = Callable[[str], bool]
 """Says how far a search is, and is told whether there is time left."""
@@ -134,8 +134,8 @@ def by_clauses(
     The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
     than that no plan is within the bound.
     """
-    by_sat = f"breadth-first search up to {depth - 1} steps, then SAT," if depth else "SAT"
-    not_within = NotWithin(problem.bound, f"{by_sat if depth <= problem.bound else 'search'} ruled out every plan within the bound")
+    by = "SAT" if not depth else "breadth-first search, then SAT," if depth <= problem.bound else "breadth-first search"
+    not_within = NotWithin(problem.bound, f"{by} ruled out every plan within the bound")
     unrolled = warm.unrolled()
     searching, proving = unrolled.run(problem, ground, depth), Frames(ground, problem).proof()
     spent_searching = spent_proving = 0.0
@@ -152,7 +152,7 @@ def by_clauses(
             found = next(searching)
             spent_searching += time.monotonic() - began
             if isinstance(found, Reached):
-                return replace(found, argument=f"{by_sat} ruled out every shorter plan")
+                return replace(found, argument=f"{by} ruled out every shorter plan")
             depth = found
         in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= memory
         if not on_time(f"no plan of fewer than {depth} steps") or not in_memory:
