@@ -48,6 +48,7 @@ class Engine:
 ENGINES: Mapping[str, Engine] = MappingProxyType(
     {
         "auto": Engine("smv_planner.engines.auto", "relaxed reachability, search and SAT in turn; proves impossibility"),
+        "sat": Engine("smv_planner.engines.clauses", "incremental SAT and PDR alone; proves impossibility"),
         "explicit": Engine("smv_planner.engines.explicit", "breadth-first search over explicit states; proves impossibility"),
         "nusmv": Engine("smv_planner.engines.nusmv", "NuSMV as a library (pynusmv): incremental bounded model checking"),
         "nuxmv": Engine("smv_planner.engines.nuxmv", "the nuXmv executable you installed: bounded model checking"),

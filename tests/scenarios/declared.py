@@ -20,7 +20,7 @@ import smv_planner as sp
 ROOT = Path(__file__).parents[2]
 SCENARIOS = sorted(folder for folder in (ROOT / "scenarios").iterdir() if folder.is_dir())
 
-PROVING = ("auto", "explicit")
+PROVING = ("auto", "sat", "explicit")
 """Engines that can say `unreachable`."""
 
 SHORT = 15

@@ -55,9 +55,14 @@ PRESERVED = "property-directed reachability found conditions that every step pre
 OnTime = Callable[[str], bool]
 """Says how far a search is, and is told whether there is time left."""
 
+Search = Callable[[Problem, Session, Ground, Tables, int, OnTime], "Reached | Unreachable | Late | int"]
 
-def ask(problem: Problem, limits: Limits, budget: int = BUDGET) -> Verdict:
-    """Answer a question; `budget` is how many states the search may look at before the SAT solver takes over."""
+
+def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Search | None = None) -> Verdict:
+    """Answer a question; `budget` is how many states the search may look at before the SAT solver takes over.
+
+    `search` stands in for `by_states`.
+    """
     ends = time.monotonic() + limits.deadline
 
     def on_time(text: str) -> bool:
@@ -69,7 +74,7 @@ def ask(problem: Problem, limits: Limits, budget: int = BUDGET) -> Verdict:
         return Unreachable(Exhausted(frozenset()))
     warm = session_of(problem.system)
     ground, tables = warm.variant(problem.allowed)
-    depth = by_states(problem, warm, ground, tables, min(budget, limits.memory // BYTES_PER_NODE), on_time)
+    depth = (search or by_states)(problem, warm, ground, tables, min(budget, limits.memory // BYTES_PER_NODE), on_time)
     verdict = depth if not isinstance(depth, int) else by_clauses(problem, warm, ground, depth, limits.memory, on_time)
     if isinstance(verdict, Late):
         return Undecided(f"{verdict.limit} reached, no plan of fewer than {verdict.depth} steps", deadline=verdict.deadline)
