@@ -6,9 +6,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from smv_planner.check.order import Order, certified, is_order, reduced, total_order
-from smv_planner.model.expressions import meaning
 from smv_planner.model.ltl import holds
-from smv_planner.model.semantics import Steps, slide
+from smv_planner.model.semantics import Steps, judge, slide
 from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
@@ -71,7 +70,7 @@ def _forbidden(problem: Problem, states: Iterable[State]) -> str | None:
     """A state that an invariant forbids, or from which the system may slide into one."""
     visited = list(states)
     for invariant in problem.allowed:
-        allows = meaning(invariant.predicate, problem.system.index)
+        allows = judge(problem.system, invariant.predicate)
         if not all(allows(state) for state in visited):
             return f"a state violates the invariant '{invariant.name}'"
     names = {invariant.name for invariant in problem.allowed}

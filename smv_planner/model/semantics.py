@@ -14,8 +14,9 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from itertools import product
+from typing import TypeVar, cast
 
-from smv_planner.model.domains import Bool, Domain, Enum, Range
+from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import (
     TRUE,
     Const,
@@ -38,12 +39,22 @@ from smv_planner.model.expressions import (
 )
 from smv_planner.model.system import Any, Assignment, State, System, Transition
 
+REMEMBERED = 20_000
+"""How many things a system and those made from it may remember before they start afresh."""
+
+T = TypeVar("T")
+R = TypeVar("R")
+
 Step = tuple[Transition, State]
 """A transition and the state it leads to."""
 
 
 def ready(system: System, transition: Transition) -> Expr:
     """When a transition is enabled, as a predicate on states (automatic priority apart)."""
+    return _once(system, "ready", transition, _ready)
+
+
+def _ready(system: System, transition: Transition) -> Expr:
     fires, changes = may_fire(system, transition), _changing(system, transition)
     known = set(conjuncts(fires))
     implied = any(_follows(change, known) for change in (changes.parts if isinstance(changes, Or) else [changes]))
@@ -103,13 +114,13 @@ def slide(system: System, starts: Iterable[State], invariants: Iterable[Expr], b
 
     Raises OverflowError after looking at `budget` states.
     """
-    holds = meaning(conjunction(invariants), system.index)
+    holds = [judge(system, invariant) for invariant in invariants]
     moves = [(t, _compiled(system, t)) for t in system.transitions if t.kind.uncontrollable]
     came_from: dict[State, Step | None] = dict.fromkeys(starts)
     waiting = deque(came_from)
     while waiting:
         before = waiting.popleft()
-        if not holds(before):
+        if not all(held(before) for held in holds):
             return _steps_to(before, came_from)
         for transition, outcomes in moves:
             for after in outcomes(before):
@@ -130,10 +141,23 @@ def _steps_to(state: State, came_from: Mapping[State, Step | None]) -> list[Step
 
 
 def _compiled(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:
-    """`fire` for one transition, made once per system."""
-    if transition.name not in system.memo:
-        system.memo[transition.name] = _compile(system, transition)
-    return system.memo[transition.name]
+    """`fire` for one transition."""
+    return _once(system, "fire", transition, _compile)
+
+
+def judge(system: System, predicate: Expr) -> Callable[[State], Value]:
+    """`meaning`, made once: for predicates that are asked again, as those of invariants are."""
+    return _once(system, "judge", predicate, lambda system, predicate: meaning(predicate, system.index))
+
+
+def _once(system: System, what: str, of: T, make: Callable[[System, T], R]) -> R:
+    """What `make` makes of something, remembered by identity: to compare large expressions takes time."""
+    found = system.memo.get((what, id(of)))
+    if found is None:
+        if len(system.memo) >= REMEMBERED:
+            system.memo.clear()
+        found = system.memo[what, id(of)] = of, make(system, of)
+    return cast("R", found[1])
 
 
 def _compile(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:

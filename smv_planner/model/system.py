@@ -6,7 +6,7 @@ planner's system comes from the resources; the operation planner's will come fro
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
@@ -113,25 +113,33 @@ class Invariant:
 
 @dataclass(frozen=True, eq=False)
 class System:
-    """Variables, transitions in declared order, and invariants. Names are unique within each of the three."""
+    """Variables, transitions in declared order, and invariants. Names are unique within each of the three.
+
+    `base` is a system over the same variables that this one was made from: what is worked out for a transition or a
+    predicate is then worked out once for all that share a base.
+    """
 
     variables: tuple[Variable, ...]
     transitions: tuple[Transition, ...]
     invariants: tuple[Invariant, ...]
+    base: System | None = None
+
+    def __post_init__(self) -> None:
+        assert self.base is None or self.base.variables is self.variables
 
     @cached_property
     def index(self) -> Mapping[str, int]:
         """At which position of a `State` each variable stands."""
-        return {variable.name: at for at, variable in enumerate(self.variables)}
+        return self.base.index if self.base else {variable.name: at for at, variable in enumerate(self.variables)}
 
     @cached_property
     def domains(self) -> Mapping[str, Domain]:
-        return {variable.name: variable.domain for variable in self.variables}
+        return self.base.domains if self.base else {variable.name: variable.domain for variable in self.variables}
 
     @cached_property
     def resources(self) -> Mapping[str, str | None]:
         """Which resource each variable belongs to; None for decision variables."""
-        return {variable.name: variable.resource for variable in self.variables}
+        return self.base.resources if self.base else {variable.name: variable.resource for variable in self.variables}
 
     @cached_property
     def transition(self) -> Mapping[str, Transition]:
@@ -143,9 +151,9 @@ class System:
         return tuple(variable.initial for variable in self.variables)
 
     @cached_property
-    def memo(self) -> dict[str, Callable[[State], tuple[State, ...]]]:
-        """What `semantics` has compiled of each transition; nobody else's business."""
-        return {}
+    def memo(self) -> dict[tuple[str, int], tuple[object, object]]:
+        """What `semantics` has worked out of transitions and predicates; nobody else's business."""
+        return self.base.memo if self.base else {}
 
     def named(self, state: State) -> dict[str, Value]:
         """A state as a mapping, in declared order."""

@@ -7,15 +7,18 @@ from dataclasses import dataclass
 
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
+from smv_planner.check.projection import projected
 from smv_planner.check.relaxed import out_of_reach
 from smv_planner.errors import EngineError
-from smv_planner.model.expressions import Const, Equal, Var, meaning, show
+from smv_planner.model.expressions import Const, Equal, Var, show
+from smv_planner.model.semantics import judge
 from smv_planner.planner.deorder import proposals
 from smv_planner.problem import (
     Exhausted,
     Inductive,
     NotWithin,
     Problem,
+    Projected,
     Proof,
     Reached,
     Relaxed,
@@ -49,7 +52,7 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
 
     Raises EngineError if what the engine answers does not stand up to the checker.
     """
-    broken = [i.name for i in problem.allowed if not meaning(i.predicate, problem.system.index)(problem.initial)]
+    broken = [i.name for i in problem.allowed if not judge(problem.system, i.predicate)(problem.initial)]
     if broken:
         reason = f"nothing keeps '{broken[0]}' from being violated in the state where it would start"
         return NoPlan(Unreachable(Exhausted(frozenset())), reason)
@@ -74,6 +77,10 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
 def why_never(problem: Problem, proof: Proof) -> str:
     """A proof of unreachability in words."""
     match proof:
+        case Projected(variables, inner):
+            part = projected(problem, variables)
+            assert not isinstance(part, str), "the proof has been checked"
+            return why_never(part, inner)
         case Exhausted(reached):
             return f"all {len(reached)} states that can follow were looked at, and none meets the goal"
         case Relaxed():

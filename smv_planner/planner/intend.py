@@ -19,9 +19,9 @@ from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
 from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint
-from smv_planner.planner.operations import Task, footprint, pose_operations, tasks
+from smv_planner.planner.operations import Task, footprints, pose_operations, tasks
 from smv_planner.planner.reach import Start, plan_steps, pose, violated, violations, warnings, without_plan
-from smv_planner.planner.sequences import OperationPlan, constraints, in_sequence, manual_plan
+from smv_planner.planner.sequences import OperationPlan, constraints, in_order, manual_plan
 from smv_planner.planner.stage import goal_of, stage_system, start
 from smv_planner.planner.widening import Widened
 from smv_planner.problem import Goal, NotWithin, Problem
@@ -149,8 +149,7 @@ def plan_operations(
     """The operation plan, de-ordered: two operations without a common variable may run at the same time."""
     problem = _operations_problem(model, progress, intentions, disabled, levels)
     by_name = {task.name: task for task in tasks(model)}
-    variables = {name: footprint(model, task) for name, task in by_name.items()}
-    result = decide(problem, levels.solve, lambda problem, trace: disjoint(problem, trace, variables))
+    result = decide(problem, levels.solve, lambda problem, trace: disjoint(problem, trace, footprints(model)))
     if isinstance(result, NoPlan):
         return result
     return OperationPlan(tuple(by_name[name] for name in result.trace.path), result.after)
@@ -161,9 +160,8 @@ def _operations_problem(
 ) -> Problem:
     problem = pose_operations(model, progress.state, intentions, disabled, levels.bound)
     ran = {operation.operation for operation in progress.operations}
-    system = in_sequence(model, problem.system, constraints(model, intentions), ran)
     allowed = tuple(invariant for invariant in problem.allowed if invariant.name not in levels.begin.lifted)
-    return replace(problem, system=system, initial=system.initial, allowed=allowed)
+    return in_order(model, replace(problem, allowed=allowed), constraints(model, intentions), ran)
 
 
 Stopped = dict[str, NoPlan] | NoPlan | None

@@ -7,16 +7,21 @@ any; what really happens is for the runner to see.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 
 from smv_planner.model import ltl
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, Named, Var, meaning, rewritten, substitute, variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, Formula
 from smv_planner.model.model import Intention, Model, Operation, Outcome
+from smv_planner.model.semantics import judge
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, State, System, Transition, Variable, VariableKind
 from smv_planner.problem import Goal, Problem
+
+MODELS = 16
+"""Of how many models is kept what does not depend on the state."""
 
 
 def abstracted(model: Model, expr: Expr) -> Expr:
@@ -41,15 +46,17 @@ def tasks_of(operation: Operation) -> tuple[Task, ...]:
     return tuple(Task(operation, outcome) for outcome in operation.outcomes)
 
 
+@lru_cache(maxsize=MODELS)
 def tasks(model: Model) -> tuple[Task, ...]:
     return tuple(task for operation in model.operations for task in tasks_of(operation))
 
 
-def operation_system(model: Model, state: State) -> System:
-    """The decision variables with their values in `state`, and every task as a controlled transition."""
-    values = decisions(model, state)
+@lru_cache(maxsize=MODELS)
+def operation_system(model: Model) -> System:
+    """The decision variables, and every task as a controlled transition."""
+    values = decisions(model, model.system.initial)
     decided = [v for v in model.variables if v.kind is VariableKind.DECISION]
-    variables = [replace(v, initial=values[v.name]) for v in decided]
+    variables = [*decided]
     variables += [Variable(c.name, VariableKind.DECISION, c.domain, values[c.name]) for c in model.copies]
     names = {variable.name for variable in variables}
     invariants = (Invariant(i.name, abstracted(model, i.predicate)) for i in model.invariants)
@@ -64,7 +71,13 @@ def decisions(model: Model, state: State) -> dict[str, Value]:
     """The value of every decision variable and measured copy in a state of the resources."""
     named = model.system.named(state)
     values = {v.name: named[v.name] for v in model.variables if v.kind is VariableKind.DECISION}
-    return values | {copy.name: meaning(copy.value, model.system.index)(state) for copy in model.copies}
+    return values | {copy.name: judge(model.system, copy.value)(state) for copy in model.copies}
+
+
+def operation_state(model: Model, state: State) -> State:
+    """A state of the resources as the operation planner sees it."""
+    values = decisions(model, state)
+    return tuple(values[variable.name] for variable in operation_system(model).variables)
 
 
 def _as_step(model: Model, task: Task) -> Transition:
@@ -79,16 +92,22 @@ def _as_step(model: Model, task: Task) -> Transition:
 
 def pose_operations(model: Model, state: State, intentions: Iterable[Intention], disabled: frozenset[str], bound: int) -> Problem:
     """Which operations reach the goals of the intentions, each as `formula U goal`, without the `disabled` tasks?"""
-    system = operation_system(model, state)
+    system = operation_system(model)
     goals = (Goal(abstracted(model, i.goal), _abstracted_formula(model, i.formula)) for i in intentions)
-    return Problem(system, system.initial, tuple(goals), system.invariants, disabled, bound)
+    return Problem(system, operation_state(model, state), tuple(goals), system.invariants, disabled, bound)
 
 
 def _abstracted_formula(model: Model, formula: Formula | None) -> Formula:
     return ALWAYS_TRUE if formula is None else ltl.over_atoms(formula, lambda predicate: abstracted(model, predicate))
 
 
-def footprint(model: Model, task: Task) -> frozenset[str]:
+@lru_cache(maxsize=MODELS)
+def footprints(model: Model) -> Mapping[str, frozenset[str]]:
+    """The variables of every task, by its name."""
+    return {task.name: _footprint(model, task) for task in tasks(model)}
+
+
+def _footprint(model: Model, task: Task) -> frozenset[str]:
     """Every variable of an operation: guard, low-level goal, effects and the synchronised transition (section 4.2).
 
     Copies count by their own name and by what they are measured from.
@@ -107,11 +126,11 @@ def post_condition(model: Model, task: Task, state: State) -> dict[str, Value]:
 
     Judged against the state that `on_start` leaves; an effect that would leave a domain counts as none.
     """
-    system = operation_system(model, state)
-    begun = list(system.initial)
+    system, before = operation_system(model), operation_state(model, state)
+    begun = list(before)
     for action in task.operation.on_start:
         if not isinstance(action.value, Any):
-            begun[system.index[action.variable]] = meaning(abstracted(model, action.value), system.index)(system.initial)
+            begun[system.index[action.variable]] = meaning(abstracted(model, action.value), system.index)(before)
     post = {}
     for action in task.outcome.effects:
         if not isinstance(action.value, Any):

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
 from smv_planner.model.domains import Value
-from smv_planner.model.expressions import conjunction, meaning
+from smv_planner.model.expressions import conjunction
 from smv_planner.model.model import Model
-from smv_planner.model.semantics import slide
+from smv_planner.model.semantics import judge, slide
 from smv_planner.model.system import Any, Invariant, Kind, State, System, Transition
 from smv_planner.planner.answer import Answer, PlanStep, ProofKind, Stage, Violation
 from smv_planner.planner.culprits import goals_to_blame, named
@@ -63,8 +63,8 @@ def violations(system: System, state: State, widened: Iterable[Widened]) -> tupl
     """The invariants that a state breaks, or from which the system may slide into breaking them."""
     found = []
     for one in widened:
-        if not meaning(one.invariant.predicate, system.index)(state):
-            now = not meaning(one.declared.predicate, system.index)(state)
+        if not judge(system, one.invariant.predicate)(state):
+            now = not judge(system, one.declared.predicate)(state)
             found.append(Violation(one.declared.name, now, slide=() if now else _slide(system, state, one.declared)))
     return tuple(found)
 

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from smv_planner.model.domains import Bool
 from smv_planner.model.expressions import TRUE, Var, conjunction, negation
 from smv_planner.model.model import Intention, Model, Sequence
 from smv_planner.model.system import Assignment, System, Transition, Variable, VariableKind
-from smv_planner.planner.operations import Task, tasks
+from smv_planner.planner.operations import MODELS, Task, operation_system, tasks
+from smv_planner.problem import Problem
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,13 +45,26 @@ def constraints(model: Model, intentions: Iterable[Intention]) -> tuple[Sequence
     return tuple(sequence for sequence in every if sequence is not None and not sequence.manual)
 
 
-def in_sequence(model: Model, system: System, sequences: Iterable[Sequence], ran: Collection[str]) -> System:
-    """The system with operations kept in order; `ran` names those that have run already.
+def in_order(model: Model, problem: Problem, sequences: tuple[Sequence, ...], ran: Collection[str]) -> Problem:
+    """The operation planner's problem with operations kept in order; `ran` names those that have run already."""
+    if not sequences:
+        return problem
+    system = in_sequence(model, sequences)
+    added = system.variables[len(problem.system.variables) :]
+    has_run = {_ran(name) for name in ran}
+    initial = (*problem.initial, *(variable.name in has_run for variable in added))
+    return replace(problem, system=system, initial=initial)
+
+
+@lru_cache(maxsize=MODELS)
+def in_sequence(model: Model, sequences: tuple[Sequence, ...]) -> System:
+    """The operation planner's system with variables for what has run.
 
     An operation waits for those before it, and cannot run again once one after it has run.
     """
+    system = operation_system(model)
     for sequence in sequences:
-        variables = [Variable(_ran(name), VariableKind.DECISION, Bool(), name in ran) for name in sequence.operations]
+        variables = [Variable(_ran(name), VariableKind.DECISION, Bool(), False) for name in sequence.operations]
         known = {variable.name for variable in system.variables}
         positions = {name: at for at, name in enumerate(sequence.operations)}
         operation_of = {task.name: task.operation.name for task in tasks(model)}

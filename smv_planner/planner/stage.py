@@ -1,9 +1,14 @@
-"""The transition planner's problem for operations that execute together (Machines 2021, section 4.3)."""
+"""The transition planner's problem for operations that execute together (Machines 2021, section 4.3).
+
+The same operations come together again and again: systems, and the transitions and invariants in them, are made once, so
+that whoever keeps something about them by identity (engines, the widening, `semantics`) finds it again.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -23,6 +28,12 @@ from smv_planner.model.model import Model, Operation, Outcome
 from smv_planner.model.semantics import may_fire
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, State, System, Transition
 from smv_planner.planner.operations import Task, post_condition, tasks_of
+
+STAGES = 64
+"""How many stages' systems are kept."""
+
+PARTS = 4096
+"""How many of their transitions, and how many of their invariants."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,17 +70,31 @@ def stage_system(model: Model, executing: Sequence[Execution]) -> System:
     Decision variables that operations assign, and that no executing operation's goal mentions, are frozen (ordered
     monotonic abstraction). A state in which something uncontrollable would change one is forbidden; maintenance may.
     """
-    frozen = frozen_variables(model, executing)
-    running = {execution.task.operation.name: execution for execution in executing}
-    held = (_held(transition, frozen) for transition in model.transitions)
+    fixed = {execution.task.operation.name: _posts(execution) for execution in executing}
+    running = tuple((operation.name, fixed[operation.name]) for operation in model.operations if operation.name in fixed)
+    return _stage_system(model, running, frozen_variables(model, executing))
+
+
+Posts = tuple[tuple[str, tuple[tuple[str, Value], ...]], ...]
+"""The post-conditions of an execution, to look things up by."""
+
+
+def _posts(execution: Execution) -> Posts:
+    return tuple((name, tuple(post.items())) for name, post in execution.posts.items())
+
+
+@lru_cache(maxsize=STAGES)
+def _stage_system(model: Model, running: tuple[tuple[str, Posts], ...], frozen: tuple[str, ...]) -> System:
+    posts = dict(running)
     completions = (
-        _completion(model, operation, outcome, running.get(operation.name))
-        for operation in model.operations
-        for outcome in operation.outcomes
+        _completion(model, at, number, posts.get(operation.name))
+        for at, operation in enumerate(model.operations)
+        for number, outcome in enumerate(operation.outcomes)
         if outcome.goal is not None
     )
-    system = System(model.variables, (*held, *completions), model.invariants)
-    return replace(system, invariants=(*system.invariants, *_frozen_invariants(system, frozen)))
+    held = (_held(model, at, transition.assigned.intersection(frozen)) for at, transition in enumerate(model.transitions))
+    nothing_slips = (invariant for name in frozen if (invariant := _frozen_invariant(model, name)))
+    return System(model.variables, (*held, *completions), (*model.invariants, *nothing_slips), base=model.system)
 
 
 def goal_of(model: Model, execution: Execution) -> Expr:
@@ -109,18 +134,21 @@ def completion_name(operation: Operation, outcome: Outcome) -> str:
     return f"{operation.name}.complete" if outcome.name is None else f"{operation.name}.complete.{outcome.name}"
 
 
-def _completion(model: Model, operation: Operation, outcome: Outcome, execution: Execution | None) -> Transition:
-    """The automatic transition that completes an operation with an outcome; without `execution` it can never fire.
+@lru_cache(maxsize=PARTS)
+def _completion(model: Model, at: int, number: int, posts: Posts | None) -> Transition:
+    """The automatic transition that completes an operation with an outcome; without `posts` it can never fire.
 
     Its guard joins the low-level goal with the synchronised transition's; no outcome comes after another.
     """
+    operation, outcome = model.operations[at], model.operations[at].outcomes[number]
     assert outcome.goal is not None
     name = completion_name(operation, outcome)
-    if execution is None:
+    if posts is None:
         return Transition(name, Kind.OPERATION, FALSE, (), completes=operation.name)
-    post = execution.posts[Task(operation, outcome).name]
+    fixed = {name: dict(post) for name, post in posts}
+    post = fixed[Task(operation, outcome).name]
     synchronised = _synchronised(model, operation)
-    open_yet = [negation(reached(model, other)) for other in execution.posts.values() if other]
+    open_yet = [negation(reached(model, other)) for other in fixed.values() if other]
     guard = conjunction([outcome.goal, synchronised.guard, *open_yet])
     effects = [Assignment(variable, Const(value)) for variable, value in post.items() if variable in model.system.index]
     actions = (*synchronised.actions, *effects)
@@ -134,9 +162,11 @@ def _synchronised(model: Model, operation: Operation) -> Transition:
     return model.system.transition[operation.synchronised]
 
 
-def _held(transition: Transition, frozen: Sequence[str]) -> Transition:
+@lru_cache(maxsize=PARTS)
+def _held(model: Model, at: int, frozen: frozenset[str]) -> Transition:
     """A controlled transition that leaves frozen variables as they are; others are as they were."""
-    if transition.kind is not Kind.CONTROLLED or transition.assigned.isdisjoint(frozen):
+    transition = model.transitions[at]
+    if transition.kind is not Kind.CONTROLLED or not frozen:
         return transition
     kept = (_keeps(action) for action in transition.actions if action.variable in frozen)
     return replace(transition, guard=conjunction([transition.guard, *kept]))
@@ -146,15 +176,16 @@ def _keeps(action: Assignment) -> Expr:
     return FALSE if isinstance(action.value, Any) else equality(action.value, Var(action.variable))
 
 
-def _frozen_invariants(system: System, frozen: Sequence[str]) -> Iterable[Invariant]:
-    """For each frozen variable: nothing uncontrollable is about to change it."""
-    for name in frozen:
-        changes = [
-            conjunction([may_fire(system, transition), negation(_keeps(action))])
-            for transition in system.transitions
-            if transition.kind.uncontrollable
-            for action in transition.actions
-            if action.variable == name
-        ]
-        if any(change != FALSE for change in changes):
-            yield Invariant(f"frozen {name}", negation(disjunction(changes)))
+@lru_cache(maxsize=PARTS)
+def _frozen_invariant(model: Model, name: str) -> Invariant | None:
+    """Nothing uncontrollable is about to change a frozen variable: no transition of the model, for completions that can
+    fire are those of executing operations, and what they change is not frozen."""
+    changes = [
+        conjunction([may_fire(model.system, transition), negation(_keeps(action))])
+        for transition in model.transitions
+        if transition.kind.uncontrollable
+        for action in transition.actions
+        if action.variable == name
+    ]
+    changing = disjunction(changes)
+    return None if changing == FALSE else Invariant(f"frozen {name}", negation(changing))

@@ -46,7 +46,7 @@ def _findings(model: Model, widened: tuple[Widened, ...], ask: Solver) -> Iterat
         yield _nothing_allowed(here)
         here = Scene(here.system, (), ask)  # all else would follow from this, and say nothing
     values = Values(here, model)
-    above = operation_system(model, model.system.initial)
+    above = operation_system(model)
     abstract = Scene(above, above.invariants, ask)
     yield from settling(here)
     yield from never_fires(here)
