@@ -5,6 +5,8 @@ This is the composition root of one-shot planning: the pure planner meets the en
 
 from __future__ import annotations
 
+import json
+import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,9 +22,10 @@ from smv_planner.model.ltl import ALWAYS_TRUE
 from smv_planner.model.model import Intention, Model
 from smv_planner.model.system import System
 from smv_planner.planner import intend, reach
-from smv_planner.planner.answer import Answer, Question
-from smv_planner.planner.widening import Widened, widen
-from smv_planner.problem import Goal, NotWithin, Problem, Reached, Unreachable, Verdict
+from smv_planner.planner import second_opinion as opinions
+from smv_planner.planner.answer import Answer, Question, SecondOpinion
+from smv_planner.planner.widening import Widened, Widening
+from smv_planner.problem import Goal, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
 
 if TYPE_CHECKING:
     from smv_planner.export.smv import Encoding
@@ -50,10 +53,12 @@ def plan(
     disable: Iterable[str] = (),
     lose: Iterable[str] = (),
     engine: str = DEFAULT_ENGINE,
+    second_opinion: str | None = None,
     bound: int = DEFAULT_BOUND,
     deadline: float = DEFAULT_DEADLINE,
     smv: str | Path | None = None,
     progress: Callable[[str], None] = lambda text: None,
+    command: str | None = None,
 ) -> Answer:
     """Answer one planning question, from the model's initial state changed by `set`.
 
@@ -65,6 +70,10 @@ def plan(
     that is silent) that a plan may not count on. `deadline` is in seconds, `bound` in steps. `smv` writes what the engine is
     asked as SMV text: to a file, or for several questions to numbered files in that folder. Every plan has been
     accepted by the checker, which does not depend on the engine.
+
+    `second_opinion` names an engine that is asked everything that `engine` is asked, with as much time: if one finds a
+    shorter plan than the other, or none where the other finds one, that is an EngineError, and a folder is left behind that
+    reproduces it, with the `command` in it that put the question. Time the second engine takes is not that of the deadline.
 
     Raises UsageError for mistakes in the question and EngineError for an engine that is missing or lies.
     """
@@ -81,6 +90,8 @@ def plan(
         lost=tuple(lose),
     )
     ask = _Engine(engine, began + deadline, progress, Path(smv) if smv is not None else None, not (asked.goals or exit_forbidden))
+    second = None if second_opinion is None else _Second(ask, second_opinion, deadline, model, command)
+    solve = second or ask
     if not 0 <= bound <= LONGEST_PLAN:
         raise UsageError([Mistake(f"the bound is {bound}", f"it counts steps: 0 is the least and {LONGEST_PLAN} the most")])
     if formula is not None and not asked.goals:
@@ -96,17 +107,19 @@ def plan(
         verdict="undecided",
     )
     if asked.goals:
-        answer = reach.reach(pose(model, asked, bound), blank, begin, ask)
+        answer = reach.reach(pose(model, asked, bound), blank, begin, solve)
     elif exit_forbidden:
-        answer = reach.leave_forbidden(model, begin, bound, blank, ask)
+        answer = reach.leave_forbidden(model, begin, bound, blank, solve)
     else:
         chosen = active_intentions(model, asked, begin)
         blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
         if not chosen:
             blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
-        answer = intend.intend(model, chosen, intend.Levels(begin, ask, widened_system, bound), blank)
+        answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound), blank)
     # What answers a question with goals is the first verdict; those after it only look for whom to blame.
     arguments = tuple(ask.arguments)[: None if ask.several else 1]
+    if second is not None:
+        answer = replace(answer, second_opinion=second.opinion, warnings=answer.warnings + tuple(second.warnings))
     return replace(answer, arguments=arguments, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
 
 
@@ -145,13 +158,17 @@ def widened(model: Model) -> tuple[Widened, ...]:
     return widened_system(model.system)
 
 
+@lru_cache(maxsize=64)
 def widened_system(system: System) -> tuple[Widened, ...]:
-    if not system.invariants:
-        return ()
+    """A system's invariants widened; systems that are made from one share what is worked out."""
+    return _widening(system.base or system)(system) if system.invariants else ()
+
+
+@lru_cache(maxsize=16)
+def _widening(base: System) -> Widening:
     from smv_planner.engines.sat import Predicates
 
-    with Predicates(system.domains) as predicates:
-        return widen(system, predicates.satisfiable)
+    return Widening(base, Predicates(base.domains).satisfiable)
 
 
 def encoded(problem: Problem) -> Encoding:
@@ -210,6 +227,63 @@ class _Engine:
             path.write_text(encoded(problem).text, encoding="ascii")
         except OSError as error:
             raise UsageError([Mistake(f"cannot write the SMV text to '{path}': {error.strerror}")]) from error
+
+
+class _Second:
+    """An engine together with a second one, which is asked the same as the first; the verdict is that of the first.
+
+    Raises EngineError when they differ, UsageError and EngineError as `_Engine` does.
+    """
+
+    def __init__(self, first: _Engine, name: str, deadline: float, model: Model, command: str | None) -> None:
+        if name == first.name:
+            raise UsageError([Mistake(f"the second opinion is that of '{name}' again", "name another engine than --engine")])
+        self._first = first
+        self._second = _Engine(name, 0.0, first.progress, None, first.several)
+        self._left = deadline
+        self._model = model
+        self._command = command
+        self.opinion = SecondOpinion(name, 0, 0)
+        self.warnings: list[str] = []
+
+    def __call__(self, problem: Problem) -> Verdict:
+        verdict = self._first(problem)
+        if isinstance(verdict, Undecided):
+            return verdict
+        began = time.monotonic()
+        self._second.ends = began + self._left
+        other = self._second(problem)
+        spent = time.monotonic() - began
+        self._left -= spent
+        self._first.ends += spent
+        one, two = opinions.Says(self._first.name, verdict), opinions.Says(self._second.name, other)
+        number, agreed = self.opinion.asked, self.opinion.agreed
+        match opinions.compare(one, two):
+            case opinions.Agrees():
+                agreed += 1
+            case opinions.Silent(reason):
+                self.warnings.append(f"no second opinion on question {number + 1}: {reason}")
+            case opinions.Differs(reason):
+                folder = self._keep(problem, reason, one, two)
+                raise EngineError(f"the engines differ: {reason}; '{folder}' holds the question and both answers")
+        self.opinion = SecondOpinion(self._second.name, number + 1, agreed)
+        return verdict
+
+    def _keep(self, problem: Problem, reason: str, one: opinions.Says, two: opinions.Says) -> Path:
+        """Write what reproduces a difference into a new folder."""
+        folder = Path(tempfile.mkdtemp(prefix="smv_planner-difference-"))
+        encoding = encoded(problem)
+        told = {
+            "difference": reason,
+            "model": {"name": self._model.name, "hash": self._model.hash},
+            "commands": [*filter(None, [self._command]), "NuSMV -source problem.cmd problem.smv"],
+            "question": self.opinion.asked + 1,
+            **opinions.report(problem, one, two),
+        }
+        (folder / "problem.smv").write_text(encoding.text, encoding="ascii")
+        (folder / "problem.cmd").write_text(encoding.script, encoding="ascii")
+        (folder / "difference.json").write_text(json.dumps(told, indent=2) + "\n", encoding="ascii")
+        return folder
 
 
 def _check(model: Model, asked: Question) -> None:

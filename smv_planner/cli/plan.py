@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shlex
 import sys
 from collections.abc import Sequence
 
@@ -26,6 +27,8 @@ examples:
   smv-plan scenarios/door --goal "door.pos == opened" --formula "G door.locked -> not door.moving" --json
 """
 
+
+SECOND_ENGINE = "nusmv"
 
 LONGEST_DEADLINE = 1e6
 """Seconds."""
@@ -54,6 +57,13 @@ def parser() -> argparse.ArgumentParser:
     answer = parser.add_argument_group("the answer")
     answer.add_argument(
         "--engine", metavar="NAME", default=DEFAULT_ENGINE, help="auto, sat, explicit, nusmv or nuxmv (default: %(default)s)"
+    )
+    answer.add_argument(
+        "--second-opinion",
+        metavar="ENGINE",
+        nargs="?",
+        const=SECOND_ENGINE,
+        help="ask this engine too, and compare verdict and length (%(const)s if none is named); a difference is an error",
     )
     answer.add_argument(
         "--deadline",
@@ -87,10 +97,12 @@ def command(arguments: Sequence[str]) -> int:
             disable=asked.disable,
             lose=asked.lose,
             engine=asked.engine,
+            second_opinion=asked.second_opinion,
             bound=asked.bound,
             deadline=asked.deadline,
             smv=asked.smv,
             progress=progress,
+            command=shlex.join(["smv-plan", *arguments]),
         )
     if asked.json:
         print(json.dumps(answer.to_json(), indent=2))

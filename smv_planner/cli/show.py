@@ -30,6 +30,9 @@ def show_answer(model: Model, answer: Answer) -> None:
     console.print(f"[bold]{escape(model.name)}[/]: {_headline(answer)} ({took})")
     if answer.arguments:
         console.print(f"[dim]{escape(answer.engine)}: {escape('; '.join(answer.arguments))}[/]")
+    if answer.second_opinion:
+        second = answer.second_opinion
+        console.print(f"[dim]{escape(second.engine)} agrees on {second.agreed} of {_count(second.asked, 'question')}[/]")
     if answer.operations:
         console.print(_operations(answer))
     overlaps = overlapping(answer.steps)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Literal
 
 from smv_planner.model.domains import Value
@@ -75,6 +75,15 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
+class SecondOpinion:
+    """What another engine thought of the `asked` questions that were put to both: on `agreed` of them the same."""
+
+    engine: str
+    asked: int
+    agreed: int
+
+
+@dataclass(frozen=True, slots=True)
 class Answer:
     """A verdict with all that belongs to it. `steps` is one valid total order; only a checked plan has steps.
 
@@ -104,6 +113,7 @@ class Answer:
     violations: tuple[Violation, ...] = ()
     warnings: tuple[str, ...] = ()
     arguments: tuple[str, ...] = ()
+    second_opinion: SecondOpinion | None = None
     engine_seconds: float = 0.0
     total_seconds: float = 0.0
 
@@ -138,6 +148,7 @@ class Answer:
             "bound": self.bound,
             "engine": self.engine,
             "argument": "; ".join(self.arguments) or None,
+            "second_opinion": asdict(self.second_opinion) if self.second_opinion else None,
             "checked": self.checked,
             "reason": self.reason,
             "proof": {"kind": self.proof, "checked": True} if self.proof else None,
