@@ -18,8 +18,8 @@ from smv_planner.model.expressions import FALSE, And, Expr, conjunction, negatio
 from smv_planner.model.semantics import may_fire
 from smv_planner.model.system import Any, Invariant, System, Transition
 
-Satisfiable = Callable[[Expr], bool]
-"""Whether some state satisfies a predicate."""
+Satisfiable = Callable[..., bool]
+"""Whether some state satisfies all of some predicates."""
 
 LIMIT = 5_000
 """How many pieces the bad states of one invariant may fall into."""
@@ -91,7 +91,7 @@ def _widen(known: Widened, done: Sequence[_Move], new: Sequence[_Move], satisfia
             if read.isdisjoint(move.values):
                 continue
             before = conjunction([move.fires, substitute(bad, move.values)])
-            if before == FALSE or not satisfiable(conjunction([before, *good])):
+            if before == FALSE or not satisfiable(before, *good):
                 continue
             before = _generalised(before, good, satisfiable)
             good.append(negation(before))
@@ -107,7 +107,7 @@ def _generalised(before: Expr, good: list[Expr], satisfiable: Satisfiable) -> Ex
     parts = list(before.parts) if isinstance(before, And) else [before]
     for part in list(parts):
         others = [other for other in parts if other is not part]
-        if not satisfiable(conjunction([*others, negation(part), *good])):
+        if not satisfiable(*others, negation(part), *good):
             parts = others
     return conjunction(parts)
 
