@@ -7,18 +7,18 @@ harmless takes its place in a model that nobody will see.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from decimal import Decimal
 
 from smv_planner.errors import ModelError
 from smv_planner.language import document
 from smv_planner.language.document import Scenario
+from smv_planner.language.execution import duration, on_error, period_of, reenable, resource_of
 from smv_planner.language.expressions import Level, Name, Typed, assigned_of, formula_of, predicate_of
 from smv_planner.language.names import World, all_entries, declared, define, entries, quiet_in
 from smv_planner.language.reader import UNREADABLE, Path, Report
 from smv_planner.language.sequences import sequence_of
 from smv_planner.model.expressions import TRUE, Expr
 from smv_planner.model.ltl import Formula
-from smv_planner.model.model import Copy, Intention, Model, Operation, Outcome, Resource
+from smv_planner.model.model import Copy, Intention, Model, Operation, Outcome
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, Transition, VariableKind
 
 MAX_TRANSITIONS = 20_000
@@ -31,7 +31,6 @@ _MAY_ASSIGN: Mapping[Kind, tuple[VariableKind, ...]] = {
     Kind.AUTOMATIC: (VariableKind.GOAL, VariableKind.ESTIMATED, VariableKind.DECISION),
     Kind.MAINTENANCE: tuple(VariableKind),
 }
-_SECONDS = {"ms": Decimal("0.001"), "s": Decimal(1), "min": Decimal(60), "h": Decimal(3600)}
 
 
 def model_of(scenario: Scenario, report: Report) -> Model:
@@ -44,7 +43,7 @@ def model_of(scenario: Scenario, report: Report) -> Model:
     transitions = tuple(_transitions(scenario, world))
     model = Model(
         name=scenario.name,
-        resources=tuple(_resources(scenario, world)),
+        resources=tuple(resource_of(*each, scenario, world) for each in entries(scenario.resources, ("resources",))),
         variables=variables,
         copies=tuple(_copies(world)),
         predicates={name.full: name.part.expr for name in world.names.values() if name.kind == "predicate" and name.part},
@@ -53,17 +52,14 @@ def model_of(scenario: Scenario, report: Report) -> Model:
         operations=tuple(_operations(scenario, transitions, world)),
         intentions=tuple(_intentions(scenario, world)),
         sequence=sequence_of(scenario.sequence, None, ("sequence",), scenario, world),
+        period=period_of(scenario, world),
+        on_error=on_error(scenario.on_error),
     )
     if sum(world.sizes) > MAX_PARTS:
         report.wrong((), f"all expressions together have more than {MAX_PARTS} parts, predicates written out", "simplify them")
     if report.mistakes:
         raise ModelError(report.mistakes)
     return model
-
-
-def _resources(scenario: Scenario, world: World) -> Iterator[Resource]:
-    for path, name, entry in entries(scenario.resources, ("resources",)):
-        yield Resource(name, _duration(entry.silent_after, (*path, "silent_after"), world))
 
 
 def _copies(world: World) -> Iterator[Copy]:
@@ -82,16 +78,24 @@ def _transitions(scenario: Scenario, world: World) -> Iterator[Transition]:
     seen: set[str] = set()
     for path, resource, each in entries(scenario.resources, ("resources",)):
         for inner, name, entry in entries(each.transitions, (*path, "transitions")):
-            yield _transition(entry, f"{resource}.{name}", inner, resource, seen, world)
+            again = (entry.reenable, each.reenable, scenario.reenable)
+            yield _transition(entry, f"{resource}.{name}", inner, resource, seen, world, again)
     for path, name, entry in entries(scenario.transitions, ("transitions",)):
-        yield _transition(entry, name, path, None, seen, world)
+        yield _transition(entry, name, path, None, seen, world, (entry.reenable, scenario.reenable))
     if len(seen) > MAX_TRANSITIONS:
         world.report.wrong((), f"there are {len(seen)} transitions; the limit is {MAX_TRANSITIONS}")
 
 
 def _transition(
-    entry: document.Transition, full: str, path: Path, resource: str | None, seen: set[str], world: World
+    entry: document.Transition,
+    full: str,
+    path: Path,
+    resource: str | None,
+    seen: set[str],
+    world: World,
+    again: tuple[str | None, ...],
 ) -> Transition:
+    """`again` are the policies that may decide when it is re-enabled, the closest first."""
     if full in seen:
         world.report.wrong_key(path, f"there is a transition '{full}' already", "full names of transitions are unique")
     seen.add(full)
@@ -101,10 +105,14 @@ def _transition(
         ("within", entry.within, (Kind.EFFECT,)),
         ("expected", entry.expected, (Kind.EFFECT,)),
         ("instruction", entry.instruction, (Kind.MAINTENANCE,)),
+        ("reenable", entry.reenable, (Kind.EFFECT,)),
     ):
         if given is not None and kind is not None and kind not in kinds:
             what = "effects" if Kind.EFFECT in kinds else "maintenance transitions"
             world.report.wrong_key((*path, key), f"'{key}' is for {what} only, and this one is {kind}")
+    if entry.reenable is not None and kind is Kind.EFFECT and entry.within is None:
+        message = f"'{path[-1]}' never times out, and 'reenable' says what follows when it did"
+        world.report.wrong_key((*path, "reenable"), message, "say 'within', how long it may take")
 
     def refused(name: Name) -> str | None:
         if _never_assigned(name):
@@ -124,9 +132,10 @@ def _transition(
         guard=_predicate(entry.guard, (*path, "guard"), world, prefix),
         actions=_actions(entry.actions, (*path, "actions"), world, refused, prefix, may_choose=may_choose),
         resource=resource,
-        within=_duration(entry.within, (*path, "within"), world),
+        within=duration(entry.within, (*path, "within"), world),
         expected=entry.expected is not False,
         instruction=entry.instruction,
+        reenable=reenable(*(again if kind is Kind.EFFECT else ())),
     )
 
 
@@ -170,7 +179,7 @@ def _never_assigned(name: Name) -> str | None:
 def _operations(scenario: Scenario, transitions: Iterable[Transition], world: World) -> Iterator[Operation]:
     by_name = {each.name: each for each in transitions}
     for path, name, entry in entries(scenario.operations, ("operations",)):
-        yield _operation(entry, name, path, by_name, world)
+        yield _operation(entry, name, path, by_name, scenario, world)
 
 
 def _intentions(scenario: Scenario, world: World) -> Iterator[Intention]:
@@ -179,7 +188,7 @@ def _intentions(scenario: Scenario, world: World) -> Iterator[Intention]:
 
 
 def _operation(
-    entry: document.Operation, name: str, path: Path, transitions: Mapping[str, Transition], world: World
+    entry: document.Operation, name: str, path: Path, transitions: Mapping[str, Transition], scenario: Scenario, world: World
 ) -> Operation:
     with_ = None if entry.with_ is UNREADABLE else entry.with_
     if with_ is not None and with_ not in transitions and not _transitions_missing(with_, world.report.holes):
@@ -202,6 +211,8 @@ def _operation(
         on_start=_actions(entry.on_start, (*path, "on_start"), world, _decisions_only, level="decision"),
         synchronised=with_,
         retries=entry.retries,
+        on_error=on_error(entry.on_error, scenario.on_error),
+        reenable=reenable(entry.reenable, scenario.reenable),
     )
 
 
@@ -279,13 +290,3 @@ def _predicate(text: str | None, path: Path, world: World, prefix: str = "", lev
         return TRUE
     part = predicate_of(world.asking(text, path, prefix, level))
     return part.expr if part else TRUE
-
-
-def _duration(text: str | None, path: Path, world: World) -> float | None:
-    if text is None or text is UNREADABLE:
-        return None
-    unit = text.lstrip("0123456789. ")
-    seconds = float(Decimal(text.removesuffix(unit).strip()) * _SECONDS[unit])
-    if not seconds:
-        world.report.wrong(path, "a duration is longer than nothing")
-    return seconds

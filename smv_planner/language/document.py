@@ -35,9 +35,12 @@ Name = Annotated[str, Text("a name", NAME, NAME_RULE)]
 Word = Annotated[str, Text("a name without dots", PART, NAME_RULE)]
 Expression = Annotated[str, Text("an expression", reads="condition")]
 Formula = Annotated[str, Text("a formula", reads="formula")]
-Duration = Annotated[
-    str, Text("a duration", r"\d{1,9}(?:\.\d{1,9})? ?(?:ms|s|min|h)", "write '500 ms', '1.5 s', '1 min' or '1 h'")
-]
+_DURATION = r"\d{1,9}(?:\.\d{1,9})? ?(?:ms|s|min|h)"
+Duration = Annotated[str, Text("a duration", _DURATION, "write '500 ms', '1.5 s', '1 min' or '1 h'")]
+_POLICY = rf"manual|on_change|after (?=[0.]*[1-9]){_DURATION}"
+Reenable = Annotated[str, Text("a policy", _POLICY, "write 'manual', 'on_change' or 'after 30 s'")]
+"""When something that failed may be tried again."""
+OnError = Literal["continue", "ask", "halt"]
 Prose = Annotated[str, Text("text")]
 Count = Annotated[int, Whole(0, 1_000_000)]
 Integer = Annotated[int, Whole(-LARGEST, LARGEST)]
@@ -74,7 +77,8 @@ class Transition:
     """A guarded transition. Without a guard it is always possible.
 
     `within` (effects) is how long the effect may take; `expected: false` (effects) keeps plans from relying on it;
-    `instruction` (maintenance) tells the operator what to do.
+    `instruction` (maintenance) tells the operator what to do; `reenable` (effects with `within`) is when a timed-out one
+    counts again.
     """
 
     kind: Literal["controlled", "automatic", "effect", "maintenance"]
@@ -83,16 +87,25 @@ class Transition:
     within: Duration | None = None
     expected: bool | None = None
     instruction: Prose | None = None
+    reenable: Reenable | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Resource:
-    """A device, tool or person. It counts as lost when it is silent for longer than `silent_after`."""
+    """A device, tool or person. It counts as lost when it is silent for longer than `silent_after`.
+
+    Its hub mirrors commands within `mirror_within`, and does what `on_deadman` says when it hears no goals for `deadman`.
+    """
 
     variables: Mapping[Name, Variable] = field(default_factory=dict)
     predicates: Mapping[Name, Expression] = field(default_factory=dict)
     transitions: Mapping[Name, Transition] = field(default_factory=dict)
     silent_after: Duration | None = None
+    mirror_within: Duration | None = None
+    deadman: Duration | None = None
+    on_deadman: Literal["hold"] | Mapping[Name, Value] | None = None
+    on_error: OnError | None = None
+    reenable: Reenable | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +140,8 @@ class Operation:
     with_: Name | None = None
     on_start: Actions = field(default_factory=dict)
     retries: Count | None = None
+    on_error: OnError | None = None
+    reenable: Reenable | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,6 +183,9 @@ class Scenario:
     operations: Mapping[Name, Operation] = field(default_factory=dict)
     intentions: Mapping[Name, Intention] = field(default_factory=dict)
     sequence: Steps | None = None
+    period: Duration | None = None
+    on_error: OnError | None = None
+    reenable: Reenable | None = None
     smv_planner: Annotated[int, Whole(1, 1)] = 1
 
 

@@ -30,7 +30,7 @@ from smv_planner.language.reader import Report, bare, other_one, shorten
 from smv_planner.language.shapes import ListOf, OneOf, Record, Shape, Table, Text, shape_of
 from smv_planner.language.strict_yaml import Instance, Mapping, Node, Scalar, Sequence
 
-TEMPLATE_KEYS = ("parameters", "variables", "predicates", "transitions", "silent_after")
+TEMPLATE_KEYS = ("parameters", *(each.key for each in Record(Resource).entries))
 USE_KEYS = EXPANDED[Resource][1:]
 
 Entries = tuple[tuple[Scalar, Node], ...]
@@ -248,6 +248,8 @@ class _Expansion:
                 if found and isinstance(value, Scalar) and isinstance(found[0], Scalar):
                     if value.text != found[0].text:
                         self._writing.report.wrong_in(key, f"'{key.text}' is here twice", other_one(first))
+                elif found and key.text == "on_deadman" and isinstance(value, Scalar) != isinstance(found[0], Scalar):
+                    self._writing.report.wrong_in(key, f"'{key.text}' is here twice", other_one(first))
                 elif not _empty(value):
                     found.append(value)
         entries = tuple((keys[name], _one_table(found)) for name, found in values.items() if found)

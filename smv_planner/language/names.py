@@ -164,10 +164,11 @@ def _variable(
         if entry.initial in domain:
             yield Variable(full, kind or VariableKind.MEASURED, domain, entry.initial, resource)
         else:
-            _no_value(entry.initial, domain, (*path, "initial"), world)
+            no_value(entry.initial, domain, (*path, "initial"), world)
 
 
-def _no_value(value: Value, domain: Domain, path: Path, world: World) -> None:
+def no_value(value: Value, domain: Domain, path: Path, world: World) -> None:
+    """Notes that a value is not in the domain."""
     if isinstance(domain, Enum):
         hint = world.report.close(str(value), domain.words)
     elif isinstance(domain, Bool):
@@ -303,7 +304,7 @@ def _first_match(
         word = text.strip() if key == "otherwise" else key
         value = values.get(word[1:-1] if len(word) > 2 and word[0] == word[-1] == "'" else word)
         if value is None and key == "otherwise":
-            _no_value(word, domain, path, world)
+            no_value(word, domain, path, world)
         elif value is None:
             hint = world.report.close(word, tuple(values))
             world.report.wrong_key(path, f"'{shorten(word)}' is not in the domain, which is {domain_text(domain)}", hint)

@@ -29,6 +29,9 @@ ABOUT: Mapping[type, Mapping[str, str]] = {
         "operations": "What the operation planner plans: tasks over decision variables, with goals over resource variables.",
         "intentions": "What is wanted, and from when on.",
         "sequence": "Operations that run in this order only, whatever is intended.",
+        "period": "How often goals are sent to the hubs: '200 ms'.",
+        "on_error": "What becomes of a plan that replaces a failed one: continue, ask for approval, or halt.",
+        "reenable": "When what failed is tried again: 'manual', 'on_change' or 'after 30 s'.",
     },
     document.Resource: {
         "use": "The templates that this resource is made of, in order.",
@@ -39,6 +42,11 @@ ABOUT: Mapping[type, Mapping[str, str]] = {
         "predicates": "Names for conditions; inside the resource its own names come first.",
         "transitions": "What the resource, the planner and the operator can do with it. Automatic ones fire in this order.",
         "silent_after": "The resource counts as lost when its hub says nothing for so long: '500 ms', '1.5 s'.",
+        "mirror_within": "How soon the hub mirrors a new command, or counts as stuck: '1 s'.",
+        "deadman": "A hub that hears no goals for so long does what 'on_deadman' says: '1 s'.",
+        "on_deadman": "hold: the hub keeps its goals. {variable: value, ...}: it sets these.",
+        "on_error": "What becomes of a plan that replaces one which failed here: continue, ask for approval, or halt.",
+        "reenable": "When the lost resource, or an effect of it that timed out, counts again: 'manual', 'after 30 s'.",
     },
     document.Variable: {
         "kind": "measured: the resource says it. goal: we tell the resource. estimated: nobody can measure it.",
@@ -52,6 +60,7 @@ ABOUT: Mapping[type, Mapping[str, str]] = {
         "within": "How long an effect may take before it counts as timed out: '500 ms', '2 s'.",
         "expected": "false: no plan relies on this effect, but every plan is safe when it happens.",
         "instruction": "What the operator has to do.",
+        "reenable": "When the effect counts again after it timed out: 'manual', 'on_change' or 'after 30 s'.",
     },
     document.Decision: {
         "domain": "bool, a list of words, or {min: 0, max: 9}. A copy of a condition needs none.",
@@ -67,6 +76,8 @@ ABOUT: Mapping[type, Mapping[str, str]] = {
         "with": "A transition that happens together with the completion: its guard joins the goal, its actions the effects.",
         "on_start": "What happens to decision variables when it starts.",
         "retries": "After so many failures it is not tried again.",
+        "on_error": "What becomes of a plan that replaces one in which it failed: continue, ask for approval, or halt.",
+        "reenable": "When it is tried again after it was disabled or failed too often: 'manual', 'after 30 s'.",
     },
     document.Outcome: {
         "effects": "What this outcome does to decision variables.",

@@ -9,20 +9,38 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from functools import cached_property
 
-from smv_planner.model.domains import Domain
+from smv_planner.model.domains import Domain, Value
 from smv_planner.model.expressions import Expr
 from smv_planner.model.ltl import Formula
-from smv_planner.model.system import Assignment, Invariant, System, Transition, Variable
+from smv_planner.model.system import MANUAL, Assignment, Invariant, Reenable, System, Transition, Variable
+
+
+class OnError(StrEnum):
+    """What happens with a plan that replaces one after an error (Machines 2021, section 7)."""
+
+    CONTINUE = "continue"
+    ASK = "ask"
+    HALT = "halt"
 
 
 @dataclass(frozen=True, slots=True)
 class Resource:
-    """A device, tool or person (Def. 4). `silent_after` is in seconds: the resource counts as lost after it."""
+    """A device, tool or person (Def. 4). All times are in seconds; `silent_after` makes a resource count as lost.
+
+    Its hub mirrors a command within `mirror_within`. A hub that hears no goals for `deadman` sets what is in `safe`,
+    full names of goal variables, and holds the others. `reenable` is when a lost resource counts again.
+    """
 
     name: str
     silent_after: float | None = None
+    mirror_within: float = 1.0
+    deadman: float | None = None
+    safe: tuple[tuple[str, Value], ...] = ()
+    on_error: OnError = OnError.CONTINUE
+    reenable: Reenable = MANUAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +63,10 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Operation:
-    """Def. 5. `synchronised` names the transition whose guard joins the goal and whose actions join the completion."""
+    """Def. 5. `synchronised` names the transition whose guard joins the goal and whose actions join the completion.
+
+    `reenable` is when it may be tried again after it was disabled or its `retries` were used up.
+    """
 
     name: str
     guard: Expr
@@ -53,6 +74,8 @@ class Operation:
     on_start: tuple[Assignment, ...] = ()
     synchronised: str | None = None
     retries: int | None = None
+    on_error: OnError = OnError.CONTINUE
+    reenable: Reenable = MANUAL
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +108,8 @@ class Model:
     """A whole scenario. `transitions` are in declared order: those of the resources, then the interactions.
 
     `predicates` and `copies` are kept by name for questions and for people; expressions do not need them. `sequence`
-    binds every intention.
+    binds every intention. Goals are sent every `period` seconds. `on_error` is for what belongs to no resource and no
+    operation; everywhere else, what the scenario says for all is already in place.
     """
 
     name: str
@@ -98,6 +122,8 @@ class Model:
     operations: tuple[Operation, ...]
     intentions: tuple[Intention, ...]
     sequence: Sequence | None = None
+    period: float = 0.2
+    on_error: OnError = OnError.CONTINUE
 
     @cached_property
     def system(self) -> System:
@@ -109,4 +135,5 @@ class Model:
         """The same for the same meaning, in every process: SHA-256 over everything the model says."""
         parts = (self.name, self.resources, self.variables, self.copies, sorted(self.predicates.items()))
         rest = (self.transitions, self.invariants, self.operations, self.intentions, self.sequence)
-        return hashlib.sha256(repr((parts, rest)).encode()).hexdigest()
+        execution = (self.period, self.on_error)
+        return hashlib.sha256(repr((parts, rest, execution)).encode()).hexdigest()

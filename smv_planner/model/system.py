@@ -50,6 +50,27 @@ class Kind(StrEnum):
         return self in (Kind.CONTROLLED, Kind.MAINTENANCE)
 
 
+class Policy(StrEnum):
+    MANUAL = "manual"
+    ON_CHANGE = "on_change"
+    AFTER = "after"
+
+
+@dataclass(frozen=True, slots=True)
+class Reenable:
+    """When something that failed in execution may be tried again: a timed-out effect, a lost resource, an operation.
+
+    `after` is in seconds, and there is one with `Policy.AFTER` only.
+    """
+
+    policy: Policy = Policy.MANUAL
+    after: float | None = None
+
+
+MANUAL = Reenable()
+"""Only the operator says so."""
+
+
 @dataclass(frozen=True, slots=True)
 class Any:
     """The planner chooses the assigned value."""
@@ -78,7 +99,7 @@ class Assignment:
 class Transition:
     """A guarded transition (Def. 3). `within` is an effect's timeout in seconds of real time.
 
-    `completes` names the operation whose completion this is.
+    `completes` names the operation whose completion this is. `reenable` is for effects: when a timed-out one counts again.
     """
 
     name: str
@@ -90,6 +111,7 @@ class Transition:
     expected: bool = True
     instruction: str | None = None
     completes: str | None = None
+    reenable: Reenable = MANUAL
 
     @property
     def assigned(self) -> frozenset[str]:

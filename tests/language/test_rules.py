@@ -232,7 +232,7 @@ BY_KIND = [
     ),
     transition(
         "kind: effect, actions: {d.done: true}, «durring»: 2 s",
-        "unknown key 'durring' (known here: kind, guard, actions, within, expected, instruction)",
+        "unknown key 'durring' (known here: kind, guard, actions, within, expected, instruction, reenable)",
     ),
     transition("kind: effect, actions: {d.done: true}, «witin»: 2 s", "unknown key 'witin' (did you mean 'within'?)"),
 ]

@@ -32,6 +32,11 @@ from smv_planner.model.system import Any, Assignment, Kind, VariableKind
 EXAMPLE = Path(__file__).with_name("language.yaml")
 """The scenario that defines the language."""
 
+RESOURCE = (
+    "{variables: ..., predicates: ..., transitions: ..., silent_after: ..., mirror_within: ..., "
+    "deadman: ..., on_deadman: ..., on_error: ..., reenable: ...}"
+)
+
 
 def test_the_example_of_the_language_is_a_model():
     model = load(EXAMPLE)
@@ -138,8 +143,9 @@ def test_everything_wrong_is_reported_at_once_in_the_order_of_the_text():
         "unknown variable 'r' in the guard of 't'",
         "'7' is not a value of 'd.f', which is bool",
         "unknown variable 'g'",
-        "expected a mapping {kind: ..., guard: ..., actions: ..., within: ..., expected: ..., instruction: ...}, not a list",
-        "expected a mapping {variables: ..., predicates: ..., transitions: ..., silent_after: ...}, not a list",
+        "expected a mapping "
+        "{kind: ..., guard: ..., actions: ..., within: ..., expected: ..., instruction: ..., reenable: ...}, not a list",
+        f"expected a mapping {RESOURCE}, not a list",
         "unknown variable 'd.t' in the predicate 't' (did you mean 'd.q'?)",
         "unknown variable 'x' in the predicate 't'",
         "'v' is a measured copy: 'from' gives its value (remove 'initial')",
@@ -249,7 +255,7 @@ def test_mistakes_in_python_name_the_way_to_them():
         "resources.d.variables.y.initial: 'true' is not in the domain, which is bool (write true or false, without quotes)",
         "resources.d.transitions.open.guard: unknown variable 'z' in the guard of 'open'",
         "resources.d.transitions.open.actions.q: unknown variable 'q'",
-        "resources.e: expected a mapping {variables: ..., predicates: ..., transitions: ..., silent_after: ...}, not '5'",
+        f"resources.e: expected a mapping {RESOURCE}, not '5'",
         "decision.v: 'domain' is missing in 'v'",
     ]
 
