@@ -25,12 +25,17 @@ LIMIT = 5_000
 """How many pieces the bad states of one invariant may fall into."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Growth:
     """Some states from which `transition` leads towards breaking an invariant."""
 
     transition: str
     states: Expr
+
+    @cached_property
+    def others(self) -> Expr:
+        """All states but these."""
+        return negation(self.states)
 
 
 @dataclass(frozen=True)
@@ -43,7 +48,7 @@ class Widened:
     @cached_property
     def invariant(self) -> Invariant:
         """What every state of a plan must satisfy."""
-        kept = [self.declared.predicate, *(negation(growth.states) for growth in self.growth)]
+        kept = [self.declared.predicate, *(growth.others for growth in self.growth)]
         return Invariant(self.declared.name, conjunction(kept))
 
 
@@ -82,7 +87,7 @@ class Widening:
 def _widen(known: Widened, done: Sequence[_Move], new: Sequence[_Move], satisfiable: Satisfiable) -> Widened:
     """Widen further what is widened over the moves `done` already."""
     invariant, growth = known.declared, list(known.growth)
-    good = [invariant.predicate, *(negation(one.states) for one in growth)]  # what is not known to be bad, as a conjunction
+    good = [invariant.predicate, *(one.others for one in growth)]  # what is not known to be bad, as a conjunction
     waiting = deque((bad, new) for bad in (negation(invariant.predicate), *(one.states for one in growth)))
     while waiting:
         bad, moves = waiting.popleft()
@@ -94,8 +99,8 @@ def _widen(known: Widened, done: Sequence[_Move], new: Sequence[_Move], satisfia
             if before == FALSE or not satisfiable(before, *good):
                 continue
             before = _generalised(before, good, satisfiable)
-            good.append(negation(before))
             growth.append(Growth(move.transition.name, before))
+            good.append(growth[-1].others)
             waiting.append((before, [*done, *new]))
             if len(growth) > LIMIT:
                 raise EngineError(f"the invariant '{invariant.name}' grows into more than {LIMIT} pieces; state it more simply")

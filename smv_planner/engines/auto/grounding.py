@@ -66,49 +66,66 @@ class Reads:
 EXPRESSIONS = 200_000
 """Of how many expressions is kept what they read."""
 
+JUDGED = 1_000_000
+"""How often conditions may have been judged before all that is remembered of them starts afresh."""
 
-@dataclass(frozen=True, eq=False)
-class Ground:
-    """A system's actions, in the order in which their transitions are declared, under allowed invariants.
 
-    The invariants are taken apart into `clauses`. `keeps` says for each action when it leads to a state that is allowed,
-    given that it starts from one.
+class Shared:
+    """What is worked out of transitions, invariants and conditions; the same for all systems made from one base.
+
+    By identity: to compare large expressions takes time.
     """
 
-    system: System
-    actions: tuple[Action, ...]
-    clauses: tuple[Expr, ...]
-    reads: Reads
+    def __init__(self, system: System) -> None:
+        self.packing = Packing(system)
+        self.reads = Reads()
+        self._substituted: dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]] = {}
+        self.compiled: dict[int, tuple[Expr, Callable[[Sequence[int]], frozenset[Value]]]] = {}  # for relaxed reachability
+        self.singles: dict[int, tuple[Expr, tuple[int, int]]] = {}
+        self.judged = 0
+        self._actions: dict[int, tuple[Transition, tuple[Action, ...]]] = {}
+        self._clauses: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}
+        self._truths: dict[int, Truth] = {}
+        self._keeps: dict[tuple[int, int], tuple[Action, Expr, tuple[Expr, ...]]] = {}
 
-    @cached_property
-    def packing(self) -> Packing:
-        return Packing(self.system)
+    def actions(self, system: System) -> tuple[Action, ...]:
+        return tuple(action for transition in system.transitions for action in self._actions_of(system, transition))
 
-    def usable(self, unusable: frozenset[str]) -> int:
-        """The usable actions, one bit each."""
-        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.name not in unusable)
+    def _actions_of(self, system: System, transition: Transition) -> tuple[Action, ...]:
+        if id(transition) not in self._actions:
+            self._actions[id(transition)] = transition, tuple(_actions(system, transition))
+        return self._actions[id(transition)][1]
 
-    @cached_property
-    def automatic(self) -> int:
-        """The automatic actions, one bit each."""
-        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.kind.automatic)
+    def clauses(self, predicate: Expr) -> Iterator[Expr]:
+        """An invariant taken apart. Invariants that grow from one another have parts in common."""
+        for part in predicate.parts if isinstance(predicate, And) else [predicate]:
+            if id(part) not in self._clauses:
+                self._clauses[id(part)] = part, tuple(conjuncts(part))
+            yield from self._clauses[id(part)][1]
 
-    @cached_property
-    def keeps(self) -> tuple[tuple[Expr, ...], ...]:
-        split = [alternatives(clause) for clause in self.clauses]
-        touching: dict[str, list[int]] = {}
-        for at, clause in enumerate(self.clauses):
-            for name in self.reads(clause):
-                touching.setdefault(name, []).append(at)
-        result = []
-        for action in self.actions:
-            touched = sorted({at for name in action.assigned for at in touching.get(name, ())})
-            after = (self._after(split[at], action.assigned) for at in touched)
-            result.append(tuple(part for clause in after for part in conjuncts(clause)))
-        return tuple(result)
+    def keeps(self, action: Action, clause: Expr) -> tuple[Expr, ...]:
+        """What a clause asks of the state before an action, for it to hold after."""
+        key = id(action), id(clause)
+        if key not in self._keeps:
+            self._keeps[key] = action, clause, tuple(conjuncts(self._after(alternatives(clause), action.assigned)))
+        return self._keeps[key][2]
+
+    def truth(self, condition: Expr, names: Sequence[str]) -> Truth:
+        if id(condition) not in self._truths:
+            self._truths[id(condition)] = Truth(self, condition, names)
+        return self._truths[id(condition)]
+
+    def trim(self) -> None:
+        """Forget what is only remembered to be quicker, if that has become much."""
+        self.reads.trim()
+        if self.judged + len(self._keeps) > JUDGED:
+            self.judged = 0
+            for truth in self._truths.values():
+                truth.clear()
+            for known in (self._actions, self._clauses, self._truths, self._keeps, self._substituted):
+                known.clear()
 
     def _after(self, parts: tuple[Expr, ...], assigned: Mapping[str, Expr]) -> Expr:
-        """What a clause asks of the state before an action, for it to hold after."""
         left = []
         for part in parts:
             names = self.reads(part)
@@ -133,18 +150,76 @@ class Ground:
             self._substituted[key] = part, decided
         return self._substituted[key][1]
 
+
+class Truth(dict[int, bool]):
+    """Whether a condition holds, by the bits of the variables that it reads; judged once for all their values."""
+
+    def __init__(self, shared: Shared, condition: Expr, names: Sequence[str]) -> None:
+        super().__init__()
+        self._shared = shared
+        self._condition = condition
+        self._names = names
+
     @cached_property
-    def _substituted(self) -> dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]]:
-        return {}
+    def _holds(self) -> Callable[[State], Value]:
+        return meaning(self._condition, {name: at for at, name in enumerate(self._names)})
+
+    @cached_property
+    def _readers(self) -> list[tuple[int, int, tuple[Value, ...]]]:
+        return [self._shared.packing.reader[name] for name in self._names]
+
+    def __missing__(self, part: int) -> bool:
+        self._shared.judged += 1
+        result = self[part] = bool(self._holds(tuple([values[part >> shift & mask] for shift, mask, values in self._readers])))
+        return result
 
 
-def ground(system: System, actions: tuple[Action, ...], allowed: Iterable[Invariant], reads: Reads) -> Ground:
-    clauses = (clause for invariant in allowed for clause in conjuncts(invariant.predicate))
-    return Ground(system, actions, tuple(dict.fromkeys(clauses)), reads)
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """A system's actions, in the order in which their transitions are declared, under allowed invariants.
+
+    The invariants are taken apart into `clauses`. `keeps` says for each action when it leads to a state that is allowed,
+    given that it starts from one.
+    """
+
+    system: System
+    actions: tuple[Action, ...]
+    clauses: tuple[Expr, ...]
+    shared: Shared
+
+    @property
+    def packing(self) -> Packing:
+        return self.shared.packing
+
+    @property
+    def reads(self) -> Reads:
+        return self.shared.reads
+
+    def usable(self, unusable: frozenset[str]) -> int:
+        """The usable actions, one bit each."""
+        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.name not in unusable)
+
+    @cached_property
+    def automatic(self) -> int:
+        """The automatic actions, one bit each."""
+        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.kind.automatic)
+
+    @cached_property
+    def keeps(self) -> tuple[tuple[Expr, ...], ...]:
+        touching: dict[str, list[int]] = {}
+        for at, clause in enumerate(self.clauses):
+            for name in self.reads(clause):
+                touching.setdefault(name, []).append(at)
+        result = []
+        for action in self.actions:
+            touched = sorted({at for name in action.assigned for at in touching.get(name, ())})
+            result.append(tuple(part for at in touched for part in self.shared.keeps(action, self.clauses[at])))
+        return tuple(result)
 
 
-def actions_of(system: System) -> tuple[Action, ...]:
-    return tuple(action for transition in system.transitions for action in _actions(system, transition))
+def ground(system: System, actions: tuple[Action, ...], allowed: Iterable[Invariant], shared: Shared) -> Ground:
+    clauses = (clause for invariant in allowed for clause in shared.clauses(invariant.predicate))
+    return Ground(system, actions, tuple(dict.fromkeys(clauses)), shared)
 
 
 def _actions(system: System, transition: Transition) -> Iterator[Action]:
@@ -198,6 +273,7 @@ class Packing:
             self._values.append((self.width, (1 << bits) - 1, values))
             self.width += bits
         self._coded = tuple(self.codes.values())
+        self.order = {name: at for at, name in enumerate(self.masks)}
         self.reader = {v.name: value for v, value in zip(system.variables, self._values, strict=True)}
 
     def pack(self, state: State) -> int:
@@ -213,26 +289,19 @@ class Packing:
 class Judgement(dict[int, int]):
     """Conditions that read the same variables: from the bits of these variables to the mask that the conditions leave.
 
-    A condition that does not hold clears its bits of the mask. Each is judged once for all values of its variables.
+    A condition that does not hold clears its bits of the mask.
     """
 
-    def __init__(self, packing: Packing, names: Sequence[str], conditions: Sequence[tuple[Expr, int]], full: int) -> None:
+    def __init__(self, part: int, conditions: Sequence[tuple[Truth, int]], full: int) -> None:
         super().__init__()
-        self._readers = [packing.reader[name] for name in names]
-        self._index = {name: at for at, name in enumerate(names)}
-        self._written = conditions
+        self._conditions = conditions
         self._full = full
-        self.part = packing.mask(names)
-
-    @cached_property
-    def _conditions(self) -> list[tuple[Callable[[State], Value], int]]:
-        return [(meaning(condition, self._index), bits) for condition, bits in self._written]
+        self.part = part
 
     def __missing__(self, part: int) -> int:
-        state = tuple([values[part >> shift & mask] for shift, mask, values in self._readers])
         result = self._full
-        for holds, bits in self._conditions:
-            if not holds(state):
+        for truth, bits in self._conditions:
+            if not truth[part]:
                 result &= ~bits
         self[part] = result
         return result
@@ -269,15 +338,18 @@ VIEW_BITS = 16
 """How many bits of a state one view looks at, if its conditions allow."""
 
 
-def views(packing: Packing, needs: Mapping[Expr, int], full: int, reads: Reads) -> tuple[View, ...]:
-    """Views that together say which bits of `full` survive: those whose conditions all hold."""
+def views(
+    shared: Shared, needs: Mapping[Expr, int], full: int, truth: Callable[[Expr, Sequence[str]], Truth]
+) -> tuple[View, ...]:
+    """Views that together say which bits of `full` survive: those whose conditions all hold, as `truth` knows."""
     alike: dict[frozenset[str], list[tuple[Expr, int]]] = {}
     for condition, bits in needs.items():
-        alike.setdefault(reads(condition), []).append((condition, bits))
-    order = {name: at for at, name in enumerate(packing.masks)}
-    judgements = [
-        Judgement(packing, sorted(names, key=order.__getitem__), conditions, full) for names, conditions in alike.items()
-    ]
+        alike.setdefault(shared.reads(condition), []).append((condition, bits))
+    judgements = []
+    for names, conditions in alike.items():
+        ordered = sorted(names, key=shared.packing.order.__getitem__)
+        truths = [(truth(condition, ordered), bits) for condition, bits in conditions]
+        judgements.append(Judgement(shared.packing.mask(names), truths, full))
     judgements.sort(key=lambda judgement: -judgement.part.bit_count())  # stable: equal widths stay in order
     groups: list[tuple[int, list[Judgement]]] = []
     for judgement in judgements:

@@ -75,8 +75,8 @@ class Abstraction:
         self._domains = tuple(variable.domain.values for variable in of.system.variables)
         self._bits = tuple({value: 1 << at for at, value in enumerate(values)} for values in self._domains)
         self._reads = of.reads
-        self._compiled: dict[int, tuple[Expr, Values]] = {}
-        self._singles: dict[int, tuple[Expr, tuple[int, int]]] = {}
+        self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
+        self._singles: dict[int, tuple[Expr, tuple[int, int]]] = of.shared.singles
         self.actions = tuple(
             self._outcome(self.condition([*action.conditions, *keeps]), action.assigned)
             for action, keeps in zip(of.actions, of.keeps, strict=True)

@@ -9,8 +9,9 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
-from smv_planner.engines.auto.grounding import Ground, View, conjuncts, needs_of, views
+from smv_planner.engines.auto.grounding import Ground, Truth, View, conjuncts, needs_of, views
 from smv_planner.model.expressions import Expr, Var, conjunction, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State
@@ -69,7 +70,7 @@ class Tables:
         self.allowed = 1 << self._count
         self.full = (1 << self._count + 1) - 1
         enabled = ((action.conditions, 1 << at) for at, action in enumerate(of.actions))
-        self.views = views(self.packing, needs_of([*enabled, (of.clauses, self.allowed)]), self.full, of.reads)
+        self.views = views(of.shared, needs_of([*enabled, (of.clauses, self.allowed)]), self.full, of.shared.truth)
         self.moves = tuple(self._move(at) for at in range(self._count))
         self._ways: dict[int, dict[int, Way]] = {}
 
@@ -155,7 +156,7 @@ class Watch:
         self._width = of.packing.width
         self.full = (1 << len(predicates)) - 1
         needs = needs_of((conjuncts(predicate), 1 << at) for at, predicate in enumerate(predicates))
-        self.views: tuple[View, ...] = views(of.packing, needs, self.full, of.reads)
+        self.views: tuple[View, ...] = views(of.shared, needs, self.full, partial(Truth, of.shared))
         self.obligations: list[int] = [self._monitor.start]
         self._numbers = {self._monitor.start: 0}
 

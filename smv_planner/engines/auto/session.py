@@ -8,12 +8,12 @@ from __future__ import annotations
 from functools import lru_cache
 
 from smv_planner.engines.auto.bounded import Unrolled
-from smv_planner.engines.auto.grounding import Ground, Reads, actions_of, ground
+from smv_planner.engines.auto.grounding import Ground, Shared, ground
 from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Tables
 from smv_planner.model.system import Invariant, System
 
-SYSTEMS = 8
+SYSTEMS = 64
 """How many systems stay warm."""
 
 VARIANTS = 4
@@ -28,9 +28,9 @@ QUESTIONS = 500
 
 class Session:
     def __init__(self, system: System) -> None:
-        self.actions = actions_of(system)
+        self.shared: Shared = session_of(system.base).shared if system.base else Shared(system)
+        self.actions = self.shared.actions(system)
         self._system = system
-        self._reads = Reads()
         self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
         self._abstractions: dict[Ground, Abstraction] = {}
         self._unrolled: Unrolled | None = None
@@ -41,14 +41,14 @@ class Session:
         key = tuple(map(id, allowed))  # to compare large expressions takes time
         found = self._variants.pop(key, None)
         if found is None:
-            of = ground(self._system, self.actions, allowed, self._reads)
+            of = ground(self._system, self.actions, allowed, self.shared)
             found = allowed, of, Tables(of)
         self._variants[key] = found  # last in is last out
         if len(self._variants) > VARIANTS:
             _, dropped, _ = self._variants.pop(next(iter(self._variants)))
             self._abstractions.pop(dropped, None)
         _, of, tables = found
-        self._reads.trim()
+        self.shared.trim()
         tables.trim()
         return of, tables
 
