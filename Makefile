@@ -2,8 +2,9 @@
 #
 #   make test PYTHON=python3.12       with another Python than python3
 #
-# What exists is not made again: the stamps in .venv say what was done. The pynusmv wheel, which takes minutes to build, is
-# kept in ~/.cache/smv_planner and serves every clone.
+# `make run` needs wheels only. The pynusmv wheel, which takes compilers and minutes to build, is for `make nusmv` and the
+# tests; it is kept in ~/.cache/smv_planner and serves every clone. What exists is not made again: the stamps in .venv say
+# what was done.
 
 PYTHON = python3
 RUN = smv-plan scenarios/assembly_station
@@ -13,21 +14,26 @@ BUILD_NUSMV = smv_planner/nusmv_build.py
 CORES := $(shell nproc 2>/dev/null || echo 1)
 PYTEST = $(BIN)/pytest -ra --durations=10 $(if $(filter 1,$(CORES)),,-n 2)
 
-.PHONY: help setup run test test-long lint clean
+.PHONY: help run nusmv setup test test-long bench lint clean
 
 help: ## say what can be made
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1|/p' Makefile | while IFS='|' read -r target text; do printf '  make %-10s %s\n' "$$target" "$$text"; done
 
-setup: .venv/stamp-project ## everything that running and testing needs
-
-run: setup ## plan the example: the variable RUN at the top of this file
+run: .venv/stamp-project ## plan the example, with wheels alone: the variable RUN at the top of this file
 	$(BIN)/$(RUN)
+
+nusmv: .venv/stamp-nusmv ## build pynusmv for --engine nusmv; needs compilers and minutes
+
+setup: .venv/stamp-dev ## everything that running and testing needs
 
 test: lint ## lint, then the tests that take seconds
 	$(PYTEST)
 
 test-long: lint ## lint, then all tests, also those that take minutes
 	$(PYTEST) -m "long or not long"
+
+bench: setup ## measure engines and checks on the questions that they are judged by
+	$(BIN)/python tests/bench/bench.py
 
 lint: setup ## ruff, mypy and the import contracts; runs all three, fails if one does
 	@failed=; for check in "ruff check ." "mypy" "lint-imports"; do \
@@ -38,12 +44,8 @@ clean: ## remove what was made here; the cached pynusmv wheel stays
 	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Python, compilers and headers. Only what is really missing is installed, and only by root; others are told.
-.venv/stamp-system: $(BUILD_NUSMV)
-	@command -v $(PYTHON) >/dev/null || { echo "There is no $(PYTHON). Install Python 3.11 or newer, or name one: make PYTHON=..."; exit 1; }
-	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(None if sys.version_info >= (3, 11) else \
-	    "$(PYTHON) is Python " + v + ", but 3.11 or newer is needed. Name another one: make PYTHON=...")'
-	@missing=$$($(PYTHON) $(BUILD_NUSMV) --missing) || exit 1; \
+# Only what is really missing is installed, and only by root; others are told.
+define install
 	if [ -n "$$missing" ] && [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
 	    echo "Installing Debian packages: $$missing"; \
 	    export DEBIAN_FRONTEND=noninteractive; \
@@ -51,18 +53,31 @@ clean: ## remove what was made here; the cached pynusmv wheel stays
 	elif [ -n "$$missing" ]; then \
 	    echo "This machine lacks: $$missing. As root: apt-get install $$missing"; exit 1; \
 	fi
-	@mkdir -p .venv && touch $@
+endef
 
-.venv/stamp-venv: .venv/stamp-system
+PIP = $(BIN)/pip install --quiet --disable-pip-version-check
+
+.venv/stamp-venv:
+	@command -v $(PYTHON) >/dev/null || { echo "There is no $(PYTHON). Install Python 3.11 or newer, or name one: make PYTHON=..."; exit 1; }
+	@$(PYTHON) -c 'import sys; v = "%d.%d" % sys.version_info[:2]; sys.exit(None if sys.version_info >= (3, 11) else \
+	    "$(PYTHON) is Python " + v + ", but 3.11 or newer is needed. Name another one: make PYTHON=...")'
+	@missing=$$($(PYTHON) -c 'import sys; from importlib.util import find_spec; \
+	    print("" if find_spec("venv") and find_spec("ensurepip") else "python%d.%d-venv" % sys.version_info[:2])') || exit 1; $(install)
 	$(PYTHON) -m venv .venv
 	@touch $@
 
-.venv/stamp-nusmv: .venv/stamp-venv $(BUILD_NUSMV)
-	@rm -rf .venv/wheels
-	$(BIN)/python $(BUILD_NUSMV) --out .venv/wheels
-	$(BIN)/pip install --quiet --disable-pip-version-check --no-index --no-deps --force-reinstall .venv/wheels/*.whl
+.venv/stamp-project: pyproject.toml | .venv/stamp-venv
+	$(PIP) --editable .
 	@touch $@
 
-.venv/stamp-project: .venv/stamp-nusmv pyproject.toml
-	$(BIN)/pip install --quiet --disable-pip-version-check --editable '.[nusmv,dev]'
+.venv/stamp-nusmv: $(BUILD_NUSMV) | .venv/stamp-project
+	@missing=$$($(PYTHON) $(BUILD_NUSMV) --missing) || exit 1; $(install)
+	@rm -rf .venv/wheels
+	$(BIN)/python $(BUILD_NUSMV) --out .venv/wheels
+	$(PIP) --no-index --no-deps --force-reinstall .venv/wheels/*.whl
+	$(PIP) --editable '.[nusmv]'
+	@touch $@
+
+.venv/stamp-dev: .venv/stamp-project .venv/stamp-nusmv
+	$(PIP) --editable '.[nusmv,dev]'
 	@touch $@
