@@ -19,6 +19,10 @@ PLANTED = {
     "The kernel knows the model and the problem alone": ("smv_planner/check/plan.py", "import smv_planner.export.smv"),
     "Pure packages touch no world": ("smv_planner/planner/reach.py", "import subprocess"),
     "A hub knows the model's values and nothing of planning": ("smv_planner/protocol/hub.py", "import smv_planner.problem"),
+    "Emulated devices know effects and messages, and nothing of planning": (
+        "smv_planner/emulation/device.py",
+        "import smv_planner.check",
+    ),
     "The bridge knows no planning": ("bridge/__init__.py", "import smv_planner.engines"),
 }
 

@@ -33,6 +33,8 @@ class Safe:
 
 Deadman = Hold | Safe
 
+HOLD = Hold()
+
 
 @dataclass(frozen=True, slots=True)
 class Hub:
@@ -60,7 +62,7 @@ class Hub:
         return self.obeyed.epoch if self.obeyed else 0
 
 
-def start(interface: Interface, boot: str, at: float, goal: Mapping[str, Value], deadman: Deadman = Hold()) -> Hub:
+def start(interface: Interface, boot: str, at: float, goal: Mapping[str, Value], deadman: Deadman = HOLD) -> Hub:
     """A hub that has just started. `boot` must differ from those of all its earlier starts; `goal` is what the device does."""
     return Hub(interface, boot, deadman, goal, at)
 
