@@ -9,7 +9,7 @@ import pytest
 from generated_levels import model
 
 from smv_planner.api import widened, widened_system
-from smv_planner.engines import ENGINES, Limits, explicit
+from smv_planner.engines import ENGINES, Limits, auto, explicit
 from smv_planner.model.expressions import Named, Var, conjunction, meaning, rewritten
 from smv_planner.model.ltl import co_safe
 from smv_planner.model.model import Model
@@ -29,8 +29,8 @@ def explicitly(problem: Problem) -> Verdict:
     return explicit.ask(problem, LIMITS)
 
 
-def answered(generated: Model, solve=explicitly) -> Answer:
-    begin = Start(generated.system.initial, widened(generated))
+def answered(generated: Model, solve=explicitly, disabled: frozenset[str] = frozenset()) -> Answer:
+    begin = Start(generated.system.initial, widened(generated), disabled=disabled)
     blank = Answer(
         model=generated.name,
         model_hash=generated.hash,
@@ -41,6 +41,23 @@ def answered(generated: Model, solve=explicitly) -> Answer:
         verdict="undecided",
     )
     return intend(generated, generated.intentions, Levels(begin, solve, widened_system, BOUND), blank)
+
+
+def automatically(problem: Problem) -> Verdict:
+    return auto.ask(problem, LIMITS)
+
+
+def test_what_was_asked_before_changes_no_answer():
+    """Systems, widenings and tables are kept for the next question about a model; a model made anew has none of them."""
+    several = 0
+    for seed in range(60):
+        warm = model(seed)
+        unavailable = [frozenset(), *(frozenset([t.name]) for t in warm.transitions[:3]), frozenset()]
+        for disabled in unavailable:
+            got = answered(warm, automatically, disabled)
+            assert got == answered(model(seed), automatically, disabled)
+            several += len(got.stages) > 1
+    assert several > 50
 
 
 def test_answers_keep_their_promises():
