@@ -31,11 +31,15 @@ class Place:
 
 @dataclass(frozen=True, slots=True)
 class Mistake:
-    """One thing that is wrong in a scenario or a question, where it is, and what to do about it."""
+    """One thing that is wrong in a scenario or a question, where it is, and what to do about it.
+
+    `file` is which file is meant when it is not a place in it that is wrong.
+    """
 
     message: str
     hint: str | None = None
     place: Place | None = None
+    file: str | None = None
 
     def __str__(self) -> str:
         text = f"{self.place}: {self.message}" if self.place else self.message

@@ -89,7 +89,7 @@ def _as_json(mistake: Mistake) -> dict[str, object]:
     place = mistake.place
     instance = {"instance": place.instance} if place and place.instance else {}
     return {
-        "file": place.file if place else None,
+        "file": place.file if place else mistake.file,
         "line": place.line if place else None,
         "column": place.column if place else None,
         "message": mistake.message,

@@ -28,6 +28,8 @@ def settings(model: Model, texts: list[str]) -> dict[str, Value]:
     for text in texts:
         try:
             name, value = language.setting(model, text)
+            if name in values:
+                mistakes.append(Mistake(f"'{name}' is set twice", "a start has one value of each variable"))
             values[name] = value
         except UsageError as error:
             mistakes += error.mistakes

@@ -24,15 +24,15 @@ def load(path: str | os.PathLike[str]) -> Model:
         if os.path.isdir(file):
             folder, file = file, os.path.join(file, "model.yaml")
             if not os.path.exists(file):
-                raise UsageError([Mistake(f"the folder '{folder}' holds no model.yaml")])
+                raise UsageError([Mistake(f"the folder '{folder}' holds no model.yaml", file=file)])
         if not stat.S_ISREG(os.stat(file).st_mode):
-            raise UsageError([Mistake(f"'{file}' is neither a file nor a folder")])
+            raise UsageError([Mistake(f"'{file}' is neither a file nor a folder", file=file)])
         with open(file, "rb") as opened:
             data = opened.read(MAX_BYTES + 1)
     except FileNotFoundError:
-        raise UsageError([Mistake(f"there is no file or folder '{file}'")]) from None
+        raise UsageError([Mistake(f"there is no file or folder '{file}'", file=file)]) from None
     except (OSError, ValueError) as error:
-        raise UsageError([Mistake(f"'{file}' cannot be read: {getattr(error, 'strerror', None) or error}")]) from None
+        raise UsageError([Mistake(f"'{file}' cannot be read: {getattr(error, 'strerror', None) or error}", file=file)]) from None
     if len(data) > MAX_BYTES:
         raise ModelError([Mistake(f"the file is larger than {MAX_BYTES} bytes", None, Place(file, 1, 1))])
     try:

@@ -88,6 +88,7 @@ def test_a_violated_start_names_the_invariant_and_the_slide():
         (("scenarios/door", "--goal", "door.pos =="), "expected"),
         (("scenarios/door", "--goal", "free", "--set", "door.wear=9"), "door.wear"),
         (("scenarios/door", "--goal", "free", "--set", "fresh=true"), "measured copy"),
+        (("scenarios/door", "--goal", "free", "--set", "door.wear=1", "--set", "door.wear=1"), "'door.wear' is set twice"),
         (("scenarios/door", "--goal", "free", "--engine", "nusvm"), "did you mean 'nusmv'?"),
         (("scenarios/door", "--goal", "free", "--lift", "never_move"), "never_move_locked"),
         (("scenarios/door", "--goal", "free", "--formula", "door.shut U free R free"), "parentheses"),
@@ -130,6 +131,8 @@ def test_a_missing_scenario_is_told(tmp_path):
     assert done.returncode in (2, 3)
     assert "nothing" in done.stderr
     assert "Traceback" not in done.stderr
+    (problem,) = json.loads(run(str(tmp_path / "nothing"), "--goal", "free", "--json").stdout)["problems"]
+    assert (problem["file"], problem["line"]) == (str(tmp_path / "nothing"), None)
 
 
 def test_a_deadline_that_passes_is_exit_4():
