@@ -191,6 +191,50 @@ def _truth(formula: Formula, states: Sequence[State], index: Mapping[str, int]) 
             return result[::-1]
 
 
+def progressed(formula: Formula, state: State, index: Mapping[str, int]) -> Formula:
+    """What is owed from the next state on so that `formula` holds in `state`; ALWAYS_FALSE if it is broken for good."""
+    match formula:
+        case Atom(predicate):
+            return ALWAYS_TRUE if meaning(predicate, index)(state) else ALWAYS_FALSE
+        case Next(part):
+            return part
+        case Both(left, right):
+            return _both(progressed(left, state, index), progressed(right, state, index))
+        case Either(left, right):
+            return _either(progressed(left, state, index), progressed(right, state, index))
+        case Until(left, right):
+            return _either(progressed(right, state, index), _both(progressed(left, state, index), formula))
+        case Release(left, right):
+            return _both(progressed(right, state, index), _either(progressed(left, state, index), formula))
+
+
+def parts(formula: Formula) -> Iterator[Formula]:
+    """The formulas that a conjunction says together, each once and in order."""
+    seen: dict[Formula, None] = {}
+    waiting = [formula]
+    while waiting:
+        match waiting.pop():
+            case Both(left, right):
+                waiting += [right, left]
+            case part if part != ALWAYS_TRUE:
+                seen.setdefault(part)
+    yield from seen
+
+
+def _both(left: Formula, right: Formula) -> Formula:
+    if ALWAYS_FALSE in (left, right):
+        return ALWAYS_FALSE
+    return all_of(parts(Both(left, right)))
+
+
+def _either(left: Formula, right: Formula) -> Formula:
+    if ALWAYS_TRUE in (left, right):
+        return ALWAYS_TRUE
+    if left == right or right == ALWAYS_FALSE:
+        return left
+    return right if left == ALWAYS_FALSE else Either(left, right)
+
+
 Obligations = int
 """A set of subformulas that must all hold from some state on, one bit each."""
 

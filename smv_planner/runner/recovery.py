@@ -1,0 +1,443 @@
+"""How plans are made, and how errors are recovered from (Machines 2021, sections 4.2 to 4.6).
+
+`recover` reads as the paper does: leave forbidden states first; else reach what the executing operations promised (TP);
+else find other operations without those that cannot be completed (OP w/DO); else ask the operator for help (TP w/MT).
+Whatever a plan is for, it is a `CheckedPlan` before it leaves this module.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from smv_planner.check import CheckedPlan, check_plan
+from smv_planner.model.domains import Bool, Value
+from smv_planner.model.expressions import TRUE, Const, Var, conjunction, meaning
+from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Either, Formula, Until, all_of, holds, over_atoms, parts
+from smv_planner.model.model import Intention, Model
+from smv_planner.model.semantics import Steps, fire
+from smv_planner.model.system import Assignment, Kind, State, System, Transition, Variable, VariableKind
+from smv_planner.planner.culprits import goals_to_blame
+from smv_planner.planner.decide import NoPlan, Solve, decide
+from smv_planner.planner.deorder import disjoint, proposals
+from smv_planner.planner.operations import Task, abstracted, footprints, operation_system, tasks
+from smv_planner.planner.reach import Start, pose, violations
+from smv_planner.planner.sequences import OperationPlan, constraints, in_sequence, manual_plan
+from smv_planner.planner.stage import Execution, goal_of, stage_system, start
+from smv_planner.planner.widening import Widened
+from smv_planner.problem import Goal, Problem, Reached
+from smv_planner.runner.decision import Action, Course, Decision, Following, Purpose, Request, Wanted
+
+
+@dataclass(frozen=True, slots=True)
+class Planners:
+    """What planning needs from outside: an engine, the widening of invariants, the longest plan, a clock for the record."""
+
+    solve: Solve
+    widen: Callable[[System], tuple[Widened, ...]]
+    bound: int = 100
+    clock: Callable[[], float] = lambda: 0.0
+
+
+def recover(model: Model, request: Request, planners: Planners) -> Decision:
+    """Decide how to go on. Raises EngineError if an engine answers what the checker refuses."""
+    recovery = _Recovery(model, request, planners)
+    return recovery.recheck() if request.recheck else recovery.decide()
+
+
+class _Recovery:
+    """One decision in the making: what was tried, and what turned out to be impossible."""
+
+    def __init__(self, model: Model, request: Request, planners: Planners) -> None:
+        self.model, self.request, self.planners = model, request, planners
+        self.actions: list[Action] = []
+        self.failed: dict[str, str] = {}
+        self.given_up: dict[str, str] = {}
+
+    def decide(self) -> Decision:
+        request = self.request
+        if violations(self.model.system, request.state, self.planners.widen(self.model.system)):
+            return self.leave_forbidden()
+        if request.following is not None and request.following.purpose is Purpose.MAINTENANCE:
+            kept = self.still_reaches(request.following, request.executing)
+            if kept:
+                return self.going_on(request.executing, request.course, kept)
+        executing, course = request.executing, request.course
+        if course is not None and not self.leads_on(course, executing):
+            course, executing = None, executing
+        wanted = request.wanted
+        while True:
+            if course is None:
+                planned = self.plan_operations(wanted, executing)
+                if isinstance(planned, Decision):
+                    return planned
+                if isinstance(planned, frozenset):  # the intentions that cannot be reached
+                    wanted = tuple(w for w in wanted if w.intention not in planned)
+                    if wanted:
+                        continue
+                    return self.ask_for_help()
+                course, executing = planned
+            carried = self.carry_out(course, executing)
+            if isinstance(carried, Decision):
+                return carried
+            executing = tuple(e for e in executing if e.task.name not in self.failed)
+            course = None
+
+    # --- forward simulation ---------------------------------------------------------------------------------
+
+    def leads_on(self, course: Course, executing: Sequence[Execution]) -> bool:
+        """Whether the rest of an operation plan still reaches the goals, if operations do what they promise."""
+        system = operation_system(self.model, self.request.state)
+        states = [system.initial]
+        for execution in executing:
+            states.append(_with(system, states[-1], execution.post))
+        for at, task in enumerate(course.plan.tasks):
+            if at in course.begun:
+                continue
+            if task.name in self.failed or task.name in self.request.failed:
+                return False
+            after = fire(system, system.transition[task.name], states[-1])
+            if not after:
+                return False
+            states.append(after[0])
+        return all(holds(wanted.owed, states, system.index) for wanted in self.request.wanted)
+
+    def still_reaches(self, following: Following, executing: Sequence[Execution]) -> Following | None:
+        """A plan's remaining steps as a plan from the present state, if they are one.
+
+        Effects that came early and commands that were given already count as done.
+        """
+        help_wanted = following.purpose is not Purpose.OPERATIONS
+        problem = self.stage_problem(self.request.state, executing, maintenance=help_wanted, lifted=following.lifted)
+        trace = _replayed(problem, following)
+        if trace is None:
+            return None
+        checked = check_plan(problem, trace, proposals(problem, trace))
+        return Following(checked, following.purpose, lifted=following.lifted) if isinstance(checked, CheckedPlan) else None
+
+    def going_on(self, executing: Sequence[Execution], course: Course | None, following: Following | None) -> Decision:
+        return Decision(
+            actions=tuple(self.actions),
+            executing=tuple(executing),
+            course=course,
+            following=following,
+            failed=self.failed,
+            given_up=self.given_up,
+        )
+
+    # --- operations -----------------------------------------------------------------------------------------
+
+    def plan_operations(
+        self, wanted: tuple[Wanted, ...], executing: tuple[Execution, ...]
+    ) -> tuple[Course, tuple[Execution, ...]] | frozenset[str] | Decision:
+        """A new operation plan with those operations that go on; or the intentions to blame that there is none."""
+        if not wanted:
+            return Course(OperationPlan((), ())), ()
+        for one in wanted:
+            sequence = intention_of(self.model, one).sequence
+            if sequence and sequence.manual:
+                return self.by_hand(one, manual_plan(self.model, sequence))
+        problem = self.operations_problem(wanted, executing)
+        by_name = {task.name: task for task in tasks(self.model)}
+        variables = footprints(self.model)
+        began = self.planners.clock()
+        result = decide(problem, self.planners.solve, lambda problem, trace: disjoint(problem, trace, variables))
+        name = "OP w/DO" if self.failed or self.request.failed else "OP"
+        self.note(name, result, ", ".join(w.intention for w in wanted), began)
+        if isinstance(result, NoPlan):
+            if not result.decided:
+                return self.undecided(result)
+            sets = goals_to_blame(problem, result, self.planners.solve)
+            if isinstance(sets, NoPlan):
+                return self.undecided(sets)
+            per_goal = [w.intention for w in wanted for _ in _goals(self.model, w)]
+            blamed = frozenset(per_goal[at] for at in sets[0])
+            self.given_up |= dict.fromkeys(blamed, result.reason)
+            return blamed
+        plan = OperationPlan(tuple(by_name[name] for name in result.trace.path), result.after)
+        running = {execution.task.operation.name: execution for execution in executing}
+        going_on, begun = [], set()
+        for at, task in enumerate(plan.tasks):
+            execution = running.pop(task.operation.name, None)
+            if execution and not plan.after[at]:  # what waits for others goes back to initial
+                going_on.append(replace(execution, task=task))
+                begun.add(at)
+        return Course(plan, frozenset(begun)), tuple(going_on)
+
+    def by_hand(self, wanted: Wanted, plan: OperationPlan) -> tuple[Course, tuple[Execution, ...]] | frozenset[str]:
+        """A manual sequence takes the place of operation planning: it is carried out once, as it stands."""
+        begun = self.request.course
+        if begun is not None and begun.plan == plan and begun.begun:
+            self.given_up[wanted.intention] = "its manual sequence cannot go on where it stands"
+            return frozenset([wanted.intention])
+        return Course(plan), ()
+
+    def operations_problem(self, wanted: Iterable[Wanted], executing: Iterable[Execution]) -> Problem:
+        """The operation planner's question; an operation that executes goes on to the post-condition it started with."""
+        model, request = self.model, self.request
+        system = operation_system(model, request.state)
+        running = {execution.task.operation.name: execution for execution in executing}
+        steps = [_going_on(model, step, running) for step in system.transitions]
+        system = replace(system, transitions=tuple(steps))
+        wanted = tuple(wanted)
+        intentions = [intention_of(model, w) for w in wanted]
+        system = in_sequence(model, system, constraints(model, intentions), request.ran)
+        system, goals = _with_goals(model, system, wanted)
+        return Problem(
+            system=system,
+            initial=system.initial,
+            goals=goals,
+            allowed=system.invariants,
+            unusable=frozenset((*self.failed, *request.failed)),
+            bound=self.planners.bound,
+        )
+
+    # --- transitions ----------------------------------------------------------------------------------------
+
+    def carry_out(self, course: Course, executing: tuple[Execution, ...]) -> Decision | None:
+        """Start what may start and plan the transitions for all that executes; None if some of it cannot be completed."""
+        ready = [at for at in course.ready() if self.may_start(course.plan.tasks[at])]
+        while True:
+            state, started = start(self.model, self.request.state, [course.plan.tasks[at] for at in ready])
+            together = (*executing, *started)
+            now = replace(course, begun=course.begun.union(ready))
+            if not together:
+                return self.going_on((), now, None)
+            following = self.request.following
+            if following and not ready and following.purpose is Purpose.OPERATIONS:
+                kept = self.still_reaches(following, together)
+                if kept:
+                    return self.going_on(together, now, kept)
+            problem = self.stage_problem(state, together)
+            began = self.planners.clock()
+            result = decide(problem, self.planners.solve)
+            if isinstance(result, CheckedPlan):
+                self.note(self.transitions(), result, _named(together), began)
+                return self.going_on(together, now, Following(result))
+            if not result.decided:
+                return self.undecided(result)
+            sets = goals_to_blame(problem, result, self.planners.solve)
+            if isinstance(sets, NoPlan):
+                return self.undecided(sets)
+            alone = [goals[0] for goals in sets if len(goals) == 1]
+            if alone or not ready or len(together) == 1:
+                self.note(self.transitions(), result, _named(together), began)
+                self.failed |= {together[at].task.name: result.reason for at in alone or sets[0]}
+                return None
+            ready = ready[:-1] if executing or len(ready) > 1 else []  # possible alone but not together: later
+
+    def may_start(self, task: Task) -> bool:
+        return bool(meaning(task.operation.guard, self.model.system.index)(self.request.state))
+
+    def stage_problem(
+        self,
+        state: State,
+        executing: Sequence[Execution],
+        maintenance: bool = False,
+        lifted: frozenset[str] = frozenset(),
+    ) -> Problem:
+        """Which transitions bring about the post-conditions of all operations that execute?"""
+        request, system = self.request, stage_system(self.model, executing)
+        widened = tuple(w for w in self.planners.widen(system) if w.declared.name not in lifted)
+        begin = Start(state, widened, lifted, maintenance, request.disabled, request.lost)
+        return Problem(
+            system=system,
+            initial=state,
+            goals=tuple(Goal(goal_of(self.model, execution)) for execution in executing),
+            allowed=tuple(w.invariant for w in widened),
+            unusable=begin.unusable(system),
+            bound=self.planners.bound,
+        )
+
+    # --- help -----------------------------------------------------------------------------------------------
+
+    def ask_for_help(self) -> Decision:
+        """Nothing can go on: try the operations in error with maintenance (section 4.5), as few of it as possible."""
+        found: list[tuple[int, Following, Execution]] = []
+        in_error = self.failed | dict(self.request.failed)
+        candidates = [t for t in tasks(self.model) if t.name in in_error and t.name not in self.request.spent]
+        began, undecided = self.planners.clock(), None
+        for task in candidates:
+            if not self.may_start(task):
+                continue
+            state, (execution,) = start(self.model, self.request.state, [task])
+            result = decide(self.stage_problem(state, [execution], maintenance=True), self.planners.solve)
+            if isinstance(result, CheckedPlan):
+                system = result.problem.system
+                asked = sum(system.transition[name].kind is Kind.MAINTENANCE for name in result.trace.path)
+                found.append((asked, Following(result, Purpose.MAINTENANCE), execution))
+            elif not result.decided:
+                undecided = result
+        if found:
+            _, following, execution = min(found, key=lambda way: (way[0], len(way[1].plan.trace.path)))
+            self.note("TP w/MT", following.plan, _named([execution]), began)
+            decision = self.going_on([execution], Course(OperationPlan((), ())), following)
+            return replace(decision, failed={name: why for name, why in self.failed.items() if name != execution.task.name})
+        if undecided:
+            return self.undecided(undecided)
+        why = "; ".join(f"'{intention}': {reason}" for intention, reason in self.given_up.items())
+        if candidates:
+            self.actions.append(
+                Action("TP w/MT", False, ", ".join(t.name for t in candidates), False, self.planners.clock() - began)
+            )
+        return replace(self.going_on((), None, None), stuck=why or "no intention can be reached")
+
+    def leave_forbidden(self) -> Decision:
+        """Plan the way out of forbidden states, with maintenance and without the invariants violated now (section 4.6)."""
+        model, request = self.model, self.request
+        widened = self.planners.widen(model.system)
+        broken = frozenset(v.invariant for v in violations(model.system, request.state, widened))
+        following = request.following
+        if following and following.purpose is Purpose.EXIT and following.lifted == broken:
+            problem = self.exit_problem(widened, broken)
+            trace = _replayed(problem, following)
+            checked = check_plan(problem, trace, proposals(problem, trace)) if trace else None
+            if isinstance(checked, CheckedPlan):
+                return self.going_on((), None, Following(checked, Purpose.EXIT, lifted=broken))
+        problem = self.exit_problem(widened, broken)
+        began = self.planners.clock()
+        result = decide(problem, self.planners.solve)
+        if isinstance(result, NoPlan) and not result.decided:
+            return self.undecided(result)
+        self.note("TP w/MT", result, "leave forbidden states: " + ", ".join(sorted(broken)), began)
+        if isinstance(result, NoPlan):
+            names = ", ".join(f"'{name}'" for name in sorted(broken))
+            return Decision(tuple(self.actions), stuck=f"{names} violated, and there is no way out: {result.reason}")
+        return Decision(tuple(self.actions), following=Following(result, Purpose.EXIT, lifted=broken))
+
+    def exit_problem(self, widened: Sequence[Widened], broken: frozenset[str]) -> Problem:
+        request = self.request
+        held = tuple(w for w in widened if w.declared.name not in broken)
+        begin = Start(request.state, held, broken, True, request.disabled, request.lost)
+        return pose(self.model, begin, [Goal(conjunction(w.invariant.predicate for w in widened))], self.planners.bound)
+
+    def recheck(self) -> Decision:
+        """Which operations in error have become possible by themselves; if none, which have with the operator's help."""
+        possible, request = [], self.request
+        for task in tasks(self.model):
+            if task.name in request.failed and task.name not in request.spent:
+                state, (execution,) = start(self.model, request.state, [task])
+                if isinstance(decide(self.stage_problem(state, [execution]), self.planners.solve), CheckedPlan):
+                    possible.append(task.name)
+        if possible or not request.given_up:
+            return Decision(possible=tuple(possible))
+        return self.ask_for_help()
+
+    # --- the record -----------------------------------------------------------------------------------------
+
+    def transitions(self) -> str:
+        """The notation of Table 1 for planning transitions now."""
+        timed_out = [part for part, there in (("ETO", self.request.disabled), ("RTO", self.request.lost)) if there]
+        return "TP w/" + "+".join(timed_out) if timed_out else "TP"
+
+    def note(self, name: str, result: CheckedPlan | NoPlan, what: str, began: float) -> None:
+        """Keep what was tried. Table 1 counts the transition plan that follows from a new operation plan with the latter."""
+        reason = result.reason if isinstance(result, NoPlan) else ""
+        follows = bool(self.actions) and self.actions[-1].name.startswith("OP") and self.actions[-1].reached
+        untroubled = self.request.cause.ordinary and all(action.reached for action in self.actions)
+        ordinary = isinstance(result, CheckedPlan) and (follows or untroubled)
+        self.actions.append(Action(name, not reason, what, ordinary, self.planners.clock() - began, reason))
+
+    def undecided(self, result: NoPlan) -> Decision:
+        return Decision(tuple(self.actions), undecided=result.reason)
+
+
+def _replayed(problem: Problem, following: Following) -> Reached | None:
+    """The steps that remain, from the problem's initial state, with the automatic ones that follow them; None if stuck."""
+    plan, steps = following.plan, Steps(problem.system, problem.usable)
+    old = plan.problem.system
+    path: list[str] = []
+    states = [problem.initial]
+
+    def settle() -> None:
+        while (due := steps.automatic(states[-1])) and len(path) <= problem.bound:
+            path.append(due[0].name)
+            states.append(due[1])
+
+    settle()
+    for at, name in enumerate(plan.trace.path):
+        transition = problem.system.transition.get(name)
+        if at in following.done or old.transition[name].kind.automatic:
+            continue
+        if transition is None or name in problem.unusable:
+            return None
+        given = old.changes(plan.trace.states[at], plan.trace.states[at + 1])
+        given = {variable: value for variable, value in given.items() if variable in transition.assigned}
+        now = problem.system.named(states[-1])
+        if all(now[variable] == value for variable, value in given.items()):
+            continue
+        outcomes = [s for s in fire(problem.system, transition, states[-1]) if _agrees(problem.system, s, given)]
+        if not outcomes or not steps.settled(states[-1]):
+            return None
+        path.append(name)
+        states.append(outcomes[0])
+        settle()
+    return Reached(tuple(path), tuple(states))
+
+
+def _agrees(system: System, state: State, values: Mapping[str, object]) -> bool:
+    return all(state[system.index[name]] == value for name, value in values.items())
+
+
+def _with(system: System, state: State, values: Mapping[str, Value]) -> State:
+    return tuple(values.get(v.name, old) for v, old in zip(system.variables, state, strict=True))
+
+
+def _going_on(model: Model, step: Transition, running: Mapping[str, Execution]) -> Transition:
+    """On the operation level, an operation that executes: no start any more, and the post-condition fixed when it started."""
+    for execution in running.values():
+        posts = execution.posts.get(step.name)
+        if posts is not None:
+            guard = TRUE if execution.task.operation.on_start else step.guard
+            actions = tuple(Assignment(name, Const(value)) for name, value in posts.items())
+            return replace(step, guard=guard, actions=actions)
+    return step
+
+
+BEGUN = "begun"
+"""Tells the first state of an operation plan from later ones; no name of a scenario has a space in front."""
+
+
+def _with_goals(model: Model, system: System, wanted: Sequence[Wanted]) -> tuple[System, tuple[Goal, ...]]:
+    """What is still owed of each intention, as goals.
+
+    What earlier states have left to be met from now on (beside `formula U goal` itself) counts in the first state only;
+    a variable that every step sets tells it from the others.
+    """
+    goals = tuple(goal for one in wanted for goal in _goals(model, one))
+    if all(_rest(model, one) == ALWAYS_TRUE for one in wanted):
+        return system, goals
+    name = f" {BEGUN}"
+    steps = tuple(replace(t, actions=(*t.actions, Assignment(name, TRUE))) for t in system.transitions)
+    variables = (*system.variables, Variable(name, VariableKind.DECISION, Bool(), False))
+    return System(variables, steps, system.invariants), goals
+
+
+def promised(model: Model, intention: str) -> Formula:
+    """`formula U goal` of an intention, over decision variables (section 4.2)."""
+    one = next(known for known in model.intentions if known.name == intention)
+    until = ALWAYS_TRUE if one.formula is None else over_atoms(one.formula, lambda predicate: abstracted(model, predicate))
+    return Until(until, Atom(abstracted(model, one.goal)))
+
+
+def intention_of(model: Model, wanted: Wanted) -> Intention:
+    return next(known for known in model.intentions if known.name == wanted.intention)
+
+
+def _goals(model: Model, wanted: Wanted) -> list[Goal]:
+    """One goal for an intention that is not reached yet, and at most one for what else is owed."""
+    whole, rest = promised(model, wanted.intention), _rest(model, wanted)
+    now_only: Formula = Either(Atom(Var(f" {BEGUN}")), rest)
+    match whole:
+        case Until(until, Atom(goal)) if whole in parts(wanted.owed):
+            return [Goal(goal, until if rest == ALWAYS_TRUE else all_of([until, now_only]))]
+    return [Goal(Var(f" {BEGUN}"), now_only)]
+
+
+def _rest(model: Model, wanted: Wanted) -> Formula:
+    whole = promised(model, wanted.intention)
+    return all_of(part for part in parts(wanted.owed) if part != whole)
+
+
+def _named(executing: Iterable[Execution]) -> str:
+    return ", ".join(execution.task.name for execution in executing)

@@ -1,0 +1,960 @@
+"""The transition runner (Machines 2021, section 4.1): what happens next, given what is known and what has just happened.
+
+An event is taken in; then automatic transitions are taken until none is enabled, controlled ones as far as the plan and
+its order allow, operations and intentions begin and end; and if what is believed does not fit the plan any more, the
+planners are asked. While they think nothing new is commanded, and what was commanded is repeated.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+
+from smv_planner.model.domains import Value
+from smv_planner.model.expressions import Expr, meaning
+from smv_planner.model.ltl import holds, progressed
+from smv_planner.model.model import OnError
+from smv_planner.model.semantics import fire
+from smv_planner.model.system import Any, Kind, Policy, State, Transition, VariableKind
+from smv_planner.planner.operations import tasks, tasks_of
+from smv_planner.planner.stage import Execution, goal_of
+from smv_planner.protocol import view as hubs
+from smv_planner.protocol.messages import GoalMessage, StateMessage
+from smv_planner.runner import gate, monitor
+from smv_planner.runner.decision import Cause, Decision, Following, Purpose, Request, Wanted
+from smv_planner.runner.events import (
+    Activate,
+    Answered,
+    Approve,
+    Ask,
+    Assign,
+    Began,
+    Cancel,
+    Confirm,
+    Consent,
+    Event,
+    Heard,
+    Instruct,
+    Note,
+    Order,
+    Ordered,
+    Output,
+    Pause,
+    Proceed,
+    Reenable,
+    Send,
+    Tick,
+    Withdraw,
+)
+from smv_planner.runner.recovery import promised
+from smv_planner.runner.situation import Asked, Phase, Pursuit, Situation, Station, Status, Wish, WishKind
+
+LISTEN = 1.0
+"""Seconds after which a hub that has said nothing yet counts as silent, if its resource has no `silent_after`."""
+
+SETTLING = 1000
+"""So many automatic steps in a row mean that a model does not settle."""
+
+CONFIRMED = 5.0
+"""Seconds in which sensors have to show what the operator says was done."""
+
+PATIENCE = (0.5, 30.0)
+"""Seconds until a question without an answer is put again: at first, doubled each time, and at most."""
+
+_GRAVITY = (Cause.PROGRESS, Cause.RESUMED, Cause.CHANGED, Cause.DEVIATION, Cause.TIMEOUT, Cause.LOST, Cause.FORBIDDEN)
+
+
+def step(station: Station, situation: Situation, event: Event) -> tuple[Situation, tuple[Output, ...]]:
+    """The situation after an event, and what is to be done about it."""
+    turn = _Turn(station, replace(situation, at=event.at))
+    match event:
+        case Began(_, planner):
+            turn.begin(planner)
+        case Tick():
+            pass
+        case Heard(_, message):
+            if not turn.hear(message):
+                return turn.now, tuple(turn.out)  # the usual case: nothing new
+        case Answered(_, revision, decision):
+            turn.answered(revision, decision)
+        case Ordered(_, order):
+            turn.ordered(order)
+    turn.advance()
+    return turn.now, tuple(turn.out)
+
+
+class _Turn:
+    """One event being worked off: the situation so far, and the outputs so far."""
+
+    def __init__(self, station: Station, now: Situation) -> None:
+        self.station, self.model, self.system = station, station.model, station.system
+        self.now = now
+        self.out: list[Output] = []
+
+    def set(self, **changes: object) -> None:
+        self.now = replace(self.now, **changes)  # type: ignore[arg-type]
+
+    def note(self, kind: str, text: str, **data: object) -> None:
+        self.out.append(Note(kind, text, data))
+
+    def need(self, cause: Cause, blamed: Iterable[str] = ()) -> None:
+        """The planners have to be asked; the gravest cause counts."""
+        known = self.now.cause
+        if known is None or _GRAVITY.index(cause) > _GRAVITY.index(known):
+            self.set(cause=cause)
+        if blamed:
+            self.set(blamed=self.now.blamed.union(blamed))
+
+    # --- taking over ----------------------------------------------------------------------------------------
+
+    def begin(self, planner: str) -> None:
+        """Nothing of an earlier reign is taken for granted but what only the planner can know."""
+        at = self.now.at
+        views = {name: hubs.HubView(heard_at=at) for name in self.station.interfaces}
+        self.set(
+            phase=Phase.LISTENING,
+            planner=planner,
+            since=at,
+            hubs=views,
+            sequence={},
+            lost={},
+            timers={},
+            disabled=dict.fromkeys(self.now.disabled, at),
+            following=None,
+            asked=None,
+            cause=Cause.RESUMED if self.now.wanted() else None,
+            blamed=frozenset(),
+            broken=frozenset(),
+            not_before=at,
+            recheck=bool(self.now.failed),
+        )
+        self.withdraw_all()
+        self.note("began", f"planner {planner} listens", planner=planner)
+
+    def take_over(self) -> None:
+        """From listening to holding under a new epoch, and from there to running."""
+        now, at = self.now, self.now.at
+        if now.phase is Phase.LISTENING:
+            silent = {n for n, view in now.hubs.items() if view.state is None}
+            if all(self.silent_at_start(name) for name in silent):
+                newest = max((view.state.epoch for view in now.hubs.values() if view.state), default=0)
+                epoch = max(newest, now.epoch) + 1
+                self.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0))
+                for name in silent:
+                    self.lose(name, "has not spoken since the planner began")
+                for name in now.hubs:
+                    if name not in silent:
+                        self.adopt_mirror(name)
+                self.note("joining", f"epoch {epoch}: holding until all hubs obey", epoch=epoch)
+        elif now.phase is Phase.JOINING:
+            living = [view for name, view in now.hubs.items() if name not in now.lost]
+            known = all(name in now.heard for name in now.hubs)
+            if known and all(hubs.fenced(view, now.epoch, now.planner) for view in living):
+                self.set(phase=Phase.RUNNING, since=at)
+                self.note("running", f"epoch {now.epoch}: {len(living)} of {len(now.hubs)} hubs obey", epoch=now.epoch)
+                if now.executing:
+                    self.need(Cause.RESUMED)
+
+    def silent_at_start(self, name: str) -> bool:
+        limit = self.station.resources[name].silent_after or LISTEN
+        return hubs.silent(self.now.hubs[name], self.now.at, limit)
+
+    def adopt_mirror(self, name: str) -> None:
+        """Goal variables as the hub obeys them: at a start, and when it comes back (DESIGN: holding)."""
+        state = self.now.hubs[name].state
+        assert state is not None
+        self.believe({**state.measured, **state.mirror})
+        self.set(heard=self.now.heard.union([name]))
+
+    def superseded(self, name: str) -> bool:
+        """Another planner rules this hub: give way, or claim a newer epoch if both claimed the same at once."""
+        now = self.now
+        view = now.hubs[name]
+        if now.phase not in (Phase.JOINING, Phase.RUNNING) or not hubs.superseded(view, now.epoch, now.planner):
+            return False
+        assert view.state is not None
+        if view.state.epoch == now.epoch and now.phase is Phase.JOINING and now.planner > view.state.planner:
+            self.set(epoch=now.epoch + 1, since=now.at, sequence=dict.fromkeys(now.hubs, 0))
+            self.note("joining", f"epoch {now.epoch + 1}: '{view.state.planner}' claims {now.epoch}", epoch=now.epoch + 1)
+            return True
+        self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)
+        self.withdraw_all()
+        text = f"planner {view.state.planner} has taken over with epoch {view.state.epoch}; nothing is sent any more"
+        self.note("alarm", text, planner=view.state.planner, epoch=view.state.epoch)
+        return True
+
+    # --- hearing --------------------------------------------------------------------------------------------
+
+    def hear(self, message: StateMessage) -> bool:
+        """Take in a state message; False if it says nothing new."""
+        now, name = self.now, message.resource
+        old = now.hubs.get(name)
+        if old is None:
+            return False
+        view, heard = hubs.hear(old, message, now.at)
+        if not heard.believed:
+            count = now.rejected.get(heard.value, 0) + 1
+            self.set(hubs={**now.hubs, name: view}, rejected={**now.rejected, heard.value: count})
+            return False
+        known = old.state
+        self.set(hubs={**now.hubs, name: view})
+        if self.superseded(name):
+            return True
+        if now.phase not in (Phase.JOINING, Phase.RUNNING):
+            return True
+        if name not in now.heard or now.phase is Phase.JOINING:
+            self.adopt_mirror(name)
+            if name in now.lost:
+                self.regain(name)
+            return True
+        if heard is hubs.Heard.REBOOTED:
+            self.note("rebooted", f"the hub of '{name}' has restarted", resource=name)
+            self.adopt_mirror(name)
+            self.need(Cause.DEVIATION, self.concerned(name))
+            return True
+        if name in now.lost:
+            self.measure(name, message.measured)
+            self.may_regain(name)
+            return True
+        if known is not None and known.measured == message.measured:
+            return self.now.phase is Phase.JOINING or bool(hubs.stuck(view, self.station.resources[name].mirror_within))
+        self.measure(name, message.measured)
+        return True
+
+    def measure(self, name: str, values: Mapping[str, Value]) -> None:
+        """Believe what is measured, and find out whether it was planned (section 4.1)."""
+        before = self.now.state
+        self.believe(values)
+        after = self.now.state
+        if before == after:
+            return
+        changes = self.system.changes(before, after)
+        following = self.now.following
+        waiting = [following.plan.trace.path[at] for at in following.ready()] if following else []
+        row = monitor.explained(self.station, name, before, after, waiting)
+        observed = [effect for effect in row or () if effect in self.now.disabled]
+        if observed:
+            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in observed}, recheck=True)
+        self.change_seen(name)
+        if row and self.follow(row):
+            self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="planned")
+        elif self.by_operator(changes):
+            self.note("measured", f"{name}: the operator's doing", resource=name, changes=changes, explained="maintenance")
+        elif row:
+            self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="enabled")
+            self.deviation(name)
+        else:
+            text = ", ".join(f"{variable} = {value}" for variable, value in changes.items())
+            self.note("measured", f"{name}: no effect explains {text}", resource=name, changes=changes, explained="no effect")
+            self.deviation(name)
+
+    def deviation(self, name: str) -> None:
+        if self.now.following or self.now.executing:
+            self.need(Cause.DEVIATION, self.concerned(name))
+
+    def follow(self, row: Sequence[str]) -> bool:
+        """Tick off a row of effects in the plan; False if one of them is not what the plan waits for."""
+        following = self.now.following
+        if following is None or self.now.asked:
+            return False
+        for effect in row:
+            at = next((at for at in following.ready() if following.plan.trace.path[at] == effect), None)
+            if at is None:
+                return False
+            following = replace(following, done=following.done.union([at]))
+        self.set(following=following)
+        return True
+
+    def by_operator(self, changes: Mapping[str, Value]) -> bool:
+        """Whether the changes belong to maintenance that the operator was asked for."""
+        for wish in self.now.wishes.values():
+            if wish.kind is WishKind.MAINTENANCE and wish.step is not None and self.now.following:
+                target = self.target(self.now.following, wish.step)
+                if all(name in target for name in changes):
+                    return True
+        return False
+
+    def believe(self, values: Mapping[str, Value]) -> None:
+        """Put values into the state; everything that depends on decision variables follows."""
+        state = list(self.now.state)
+        for name, value in values.items():
+            state[self.system.index[name]] = value
+        self.reach(tuple(state))
+
+    def reach(self, state: State) -> None:
+        """The next state; what the intentions owe moves on when a decision variable changes."""
+        before = self.now.state
+        if state == before:
+            return
+        owed = [n for n, p in self.now.intentions.items() if p.owed is not None]
+        self.set(state=state)
+        if not owed:
+            return
+        old, new = self.station.decisions(before), self.station.decisions(state)
+        if old != new:
+            index = self.station.decision_index
+            pursuits = dict(self.now.intentions)
+            for name in owed:
+                formula = pursuits[name].owed
+                assert formula is not None
+                pursuits[name] = replace(pursuits[name], owed=progressed(formula, old, index))
+            self.set(intentions=pursuits)
+
+    def concerned(self, resource: str) -> list[str]:
+        """The executing operations that a resource has to do with; all if none has."""
+        running = [execution.task.operation.name for execution in self.now.executing]
+        return [name for name in running if resource in self.station.owners[name]] or running
+
+    # --- resources that are there or not --------------------------------------------------------------------
+
+    def watch_hubs(self) -> None:
+        for name, view in self.now.hubs.items():
+            if name in self.now.lost:
+                self.may_regain(name)
+                continue
+            resource = self.station.resources[name]
+            limit = resource.silent_after
+            if limit is not None and hubs.silent(view, self.now.at, limit):
+                self.lose(name, f"has been silent for {limit:g} s")
+            elif stuck := hubs.stuck(view, resource.mirror_within):
+                self.lose(name, f"does not mirror '{stuck[0]}'")
+
+    def lose(self, name: str, why: str) -> None:
+        self.set(lost={**self.now.lost, name: self.now.at})
+        self.note("lost", f"'{name}' {why}", resource=name)
+        if self.now.phase is Phase.RUNNING:
+            if self.now.following or self.now.executing:
+                self.need(Cause.LOST, ())
+            self.set(recheck=True)
+
+    def may_regain(self, name: str) -> None:
+        """A lost resource counts again when it speaks, obeys and mirrors, as its policy says."""
+        now, resource, view = self.now, self.station.resources[name], self.now.hubs[name]
+        limit = resource.silent_after or LISTEN
+        if view.state is None or hubs.silent(view, now.at, limit) or not hubs.fenced(view, now.epoch, now.planner):
+            return
+        if hubs.stuck(view, resource.mirror_within) and view.commanded:
+            return
+        if resource.reenable.policy is Policy.MANUAL:
+            return
+        if resource.reenable.policy is Policy.AFTER and now.at - now.lost[name] < (resource.reenable.after or 0.0):
+            return
+        self.regain(name)
+
+    def regain(self, name: str) -> None:
+        self.set(lost={n: at for n, at in self.now.lost.items() if n != name}, recheck=True)
+        self.adopt_mirror(name)
+        self.note("back", f"'{name}' is back", resource=name)
+        if self.now.phase is Phase.RUNNING and (self.now.following or self.now.executing):
+            self.need(Cause.RESUMED)
+
+    # --- effects that do not come ---------------------------------------------------------------------------
+
+    def watch_effects(self) -> None:
+        timers = monitor.clocks(self.station, self.now)
+        if timers != self.now.timers:
+            self.set(timers=timers)
+        for name in monitor.overdue(self.station, self.now):
+            self.set(
+                disabled={**self.now.disabled, name: self.now.at},
+                timers={n: at for n, at in self.now.timers.items() if n != name},
+            )
+            effect = self.system.transition[name]
+            self.note("timeout", f"'{name}' has not happened within {effect.within:g} s", transition=name)
+            following = self.now.following
+            if following and any(following.plan.trace.path[at] == name for at in _remaining(following)):
+                self.need(Cause.TIMEOUT, self.concerned(effect.resource or ""))
+        for name, since in self.now.disabled.items():
+            policy = self.system.transition[name].reenable
+            if policy.policy is Policy.AFTER and self.now.at - since >= (policy.after or 0.0):
+                self.enable_again([name])
+        for name, since in self.now.failed_at.items():
+            operation = next(t.operation for t in tasks(self.model) if t.name == name)
+            if operation.reenable.policy is Policy.AFTER and self.now.at - since >= (operation.reenable.after or 0.0):
+                self.allow_again([name])
+
+    def change_seen(self, resource: str) -> None:
+        """What may be tried again because something about its resource has changed."""
+        effects = [n for n in self.now.disabled if self.system.transition[n].reenable.policy is Policy.ON_CHANGE]
+        self.enable_again([n for n in effects if resource == self.system.transition[n].resource])
+        spent = [t for t in tasks(self.model) if t.name in self.now.spent and t.operation.reenable.policy is Policy.ON_CHANGE]
+        self.allow_again([t.name for t in spent if resource in self.station.owners[t.operation.name]])
+
+    def enable_again(self, effects: Sequence[str]) -> None:
+        if effects:
+            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in effects}, recheck=True)
+            self.note("enabled", f"counting on {', '.join(effects)} again", transitions=tuple(effects))
+
+    def allow_again(self, failed: Sequence[str]) -> None:
+        """Take tasks out of their error state; what was given up because of them goes on."""
+        if not failed:
+            return
+        operations = {t.operation.name for t in tasks(self.model) if t.name in failed}
+        self.set(
+            failed={n: why for n, why in self.now.failed.items() if n not in failed},
+            failed_at={n: at for n, at in self.now.failed_at.items() if n not in failed},
+            spent=self.now.spent.difference(failed),
+            failures={n: count for n, count in self.now.failures.items() if n not in operations},
+        )
+        self.note("possible", f"{', '.join(failed)} may be tried again", operations=tuple(failed))
+        self.revive()
+
+    def revive(self) -> None:
+        """Intentions in error go on."""
+        ended = [name for name, pursuit in self.now.intentions.items() if pursuit.status is Status.ERROR]
+        for name in ended:
+            self.pursue(name, replace(self.now.intentions[name], status=Status.EXECUTING, reason=""))
+        if ended or self.now.stuck:
+            self.set(stuck=None)
+            self.need(Cause.RESUMED)
+
+    # --- orders from outside --------------------------------------------------------------------------------
+
+    def ordered(self, order: Order) -> None:
+        match order:
+            case Activate(name) if name in self.now.intentions:
+                self.activate(name)
+            case Pause(name) if name in self.now.intentions:
+                if self.now.intentions[name].status is Status.EXECUTING:
+                    self.pursue(name, replace(self.now.intentions[name], status=Status.PAUSED))
+                    self.need(Cause.CHANGED)
+            case Cancel(name):
+                self.cancel(name)
+            case Assign(values):
+                self.assign(values)
+            case Confirm(request):
+                self.confirm(request)
+            case Approve(request):
+                self.approve(request)
+            case Reenable(name):
+                self.reenable(name)
+            case Proceed():
+                self.set(halted=None)
+                self.note("proceed", "going on")
+
+    def activate(self, name: str) -> None:
+        pursuit = self.now.intentions[name]
+        if pursuit.status is Status.PAUSED:
+            self.pursue(name, replace(pursuit, status=Status.EXECUTING))
+        else:
+            self.pursue(name, Pursuit(Status.EXECUTING, promised(self.model, name)))
+        self.need(Cause.PROGRESS)
+
+    def cancel(self, name: str) -> None:
+        if name in self.now.intentions:
+            if self.now.intentions[name].status is not Status.INITIAL:
+                self.pursue(name, Pursuit(Status.CANCELLED))
+                self.need(Cause.CHANGED)
+        elif any(execution.task.operation.name == name for execution in self.now.executing):
+            self.set(executing=tuple(e for e in self.now.executing if e.task.operation.name != name), course=None, following=None)
+            self.note("operation", f"'{name}' is cancelled", operation=name, state="initial")
+            self.need(Cause.CHANGED)
+
+    def assign(self, values: Mapping[str, Value]) -> None:
+        """Decision and estimated variables may be changed from outside at any time (Def. 6)."""
+        mine = (VariableKind.DECISION, VariableKind.ESTIMATED)
+        own = {v.name: v for v in self.model.variables if v.kind in mine}
+        accepted = {name: value for name, value in values.items() if name in own and value in own[name].domain}
+        refused = [name for name in values if name not in accepted]
+        if refused:
+            self.note("refused", f"{', '.join(refused)}: not a decision or estimated variable, or not a value of it")
+        before = self.now.state
+        self.believe(accepted)
+        if self.now.state != before:
+            changes = self.system.changes(before, self.now.state)
+            self.note("assigned", ", ".join(f"{n} = {v}" for n, v in changes.items()), changes=changes)
+            self.need(Cause.CHANGED)
+            self.set(recheck=True)
+
+    def reenable(self, name: str) -> None:
+        if name in self.now.disabled:
+            self.enable_again([name])
+        elif name in self.now.lost:
+            view, limit = self.now.hubs[name], self.station.resources[name].silent_after or LISTEN
+            if view.state is not None and not hubs.silent(view, self.now.at, limit):
+                self.regain(name)
+        elif name in self.now.intentions and self.now.intentions[name].status is Status.ERROR:
+            self.pursue(name, replace(self.now.intentions[name], status=Status.EXECUTING, reason=""))
+            self.need(Cause.RESUMED)
+        else:
+            self.allow_again(
+                [t.name for t in tasks(self.model) if name in (t.name, t.operation.name) and t.name in self.now.failed]
+            )
+
+    # --- the operator ---------------------------------------------------------------------------------------
+
+    def wish(self, wish: Wish) -> None:
+        """Ask the operator, once."""
+        if any(known == replace(wish, confirmed_at=known.confirmed_at) for known in self.now.wishes.values()):
+            return
+        number = self.now.wished + 1
+        request = f"{self.now.epoch}.{number}"
+        self.set(wished=number, wishes={**self.now.wishes, request: wish})
+        if wish.transition is not None and wish.kind is WishKind.MAINTENANCE:
+            self.out.append(Instruct(request, wish.transition, wish.text))
+        else:
+            self.out.append(Consent(request, wish.text))
+
+    def granted(self, request: str) -> None:
+        self.set(wishes={name: wish for name, wish in self.now.wishes.items() if name != request})
+
+    def withdraw_all(self, keep: tuple[WishKind, ...] = ()) -> None:
+        for request, wish in self.now.wishes.items():
+            if wish.kind not in keep:
+                self.out.append(Withdraw(request))
+        self.set(wishes={request: wish for request, wish in self.now.wishes.items() if wish.kind in keep})
+
+    def confirm(self, request: str) -> None:
+        """Done, says the operator. Confirming twice, or what is no longer wanted, changes nothing."""
+        wish = self.now.wishes.get(request)
+        if wish is None or wish.kind is not WishKind.MAINTENANCE:
+            return
+        if wish.confirmed_at is None:
+            self.set(wishes={**self.now.wishes, request: replace(wish, confirmed_at=self.now.at)})
+            self.note("confirmed", f"{wish.transition}", transition=wish.transition)
+
+    def approve(self, request: str) -> None:
+        wish, following = self.now.wishes.get(request), self.now.following
+        if wish is None or wish.kind is WishKind.MAINTENANCE:
+            return
+        self.granted(request)
+        self.note("approved", wish.text)
+        match wish.kind:
+            case WishKind.APPROVAL if following and wish.step is not None:
+                self.set(following=replace(following, approved=following.approved.union([wish.step])))
+            case WishKind.SUBSTITUTE:
+                self.set(halted=None)
+            case WishKind.RETRY:
+                self.allow_again([name for name in self.now.spent if wish.transition in (None, name)])
+
+    def performed(self) -> bool:
+        """Maintenance that was confirmed, and that sensors show where there are any: it is done (section 4.5)."""
+        following = self.now.following
+        if following is None or self.now.asked:
+            return False
+        for request, wish in self.now.wishes.items():
+            if wish.kind is not WishKind.MAINTENANCE or wish.confirmed_at is None or wish.step is None:
+                continue
+            target = self.target(following, wish.step)
+            now = self.system.named(self.now.state)
+            unseen = [n for n, value in target.items() if self.is_live(n) and now[n] != value]
+            if not unseen:
+                self.granted(request)
+                self.believe({n: value for n, value in target.items() if not self.is_live(n)})
+                self.set(following=replace(following, done=following.done.union([wish.step])), recheck=True)
+                text = f"'{wish.transition}' is done"
+                self.note("fired", text, transition=wish.transition, by="operator", changes=dict(target))
+                return True
+            if self.now.at - wish.confirmed_at > CONFIRMED:
+                self.granted(request)
+                self.note("unseen", f"'{wish.transition}' was confirmed, but '{unseen[0]}' is {now[unseen[0]]}")
+                self.wish(replace(wish, confirmed_at=None))
+                return True
+        return False
+
+    def target(self, following: Following, at: int) -> Mapping[str, Value]:
+        """What a maintenance step of the plan makes of the variables it assigns."""
+        trace, system = following.plan.trace, following.plan.problem.system
+        transition = system.transition[trace.path[at]]
+        fixed = {a.variable: trace.states[at + 1][system.index[a.variable]] for a in transition.actions}
+        return fixed
+
+    def is_live(self, variable: str) -> bool:
+        """Whether sensors tell the value: it is measured, and its hub is there."""
+        at = self.system.index[variable]
+        resource = self.system.variables[at].resource
+        return self.system.variables[at].kind is VariableKind.MEASURED and resource not in self.now.lost
+
+    # --- the planners ---------------------------------------------------------------------------------------
+
+    def answered(self, revision: int, decision: Decision) -> None:
+        """Take a decision, unless something has happened since the question (DESIGN: stale answers are dropped)."""
+        asked = self.now.asked
+        if asked is None or asked.revision != revision:
+            return
+        self.set(asked=None)
+        if self.now.cause is not None:
+            self.note("stale", "the answer came too late: asking again")
+            if not asked.recheck:
+                self.need(asked.cause, asked.blamed)
+            return
+        if decision.actions:
+            told = "; ".join(f"{a.name} {'ok' if a.reached else 'no plan'} ({a.what})" for a in decision.actions)
+            self.note("decision", told, cause=asked.cause.value, actions=decision.actions)
+        if decision.undecided is not None:
+            wait = min(PATIENCE[0] * 2**self.now.troubles, PATIENCE[1])
+            self.set(not_before=self.now.at + wait, troubles=self.now.troubles + 1)
+            self.note("alarm", f"no decision: {decision.undecided}; asking again in {wait:g} s")
+            if asked.recheck:
+                self.set(recheck=True)
+            else:
+                self.need(asked.cause, asked.blamed)
+            return
+        self.set(troubles=0)
+        if asked.recheck:
+            self.adopt_recheck(decision)
+        elif not self.used_up(asked, decision):
+            self.adopt(decision)
+
+    def adopt_recheck(self, decision: Decision) -> None:
+        if decision.possible:
+            self.allow_again(decision.possible)
+        elif decision.following is not None:
+            self.adopt(decision)
+
+    def used_up(self, asked: Asked, decision: Decision) -> bool:
+        """Count failures: an operation that had to be planned again once too often is in error (section 6.2)."""
+        again = any(a.name.startswith("TP") and a.reached for a in decision.actions)
+        if asked.cause not in (Cause.DEVIATION, Cause.TIMEOUT) or not again:
+            return False
+        before = {execution.task.operation.name for execution in self.now.executing}
+        tried = [e for e in decision.executing if e.task.operation.name in before & asked.blamed]
+        failures = dict(self.now.failures)
+        spent: dict[str, str] = {}
+        for execution in tried:
+            operation = execution.task.operation
+            failures[operation.name] = failures.get(operation.name, 0) + 1
+            if operation.retries is not None and failures[operation.name] > operation.retries:
+                spent |= {task.name: f"failed {failures[operation.name]} times" for task in tasks_of(operation)}
+        self.set(failures=failures)
+        if not spent:
+            return False
+        self.fail(spent)
+        self.set(
+            spent=self.now.spent.union(spent),
+            executing=tuple(e for e in self.now.executing if e.task.name not in spent),
+            course=None,
+            following=None,
+        )
+        self.need(asked.cause)
+        return True
+
+    def fail(self, failed: Mapping[str, str]) -> None:
+        for name, why in failed.items():
+            self.note("operation", f"'{name}' is in error: {why}", operation=name, state="error")
+        at = dict.fromkeys(failed, self.now.at)
+        self.set(failed={**self.now.failed, **failed}, failed_at={**self.now.failed_at, **at})
+
+    def adopt(self, decision: Decision) -> None:
+        """Follow a decision."""
+        self.withdraw_all(keep=(WishKind.RETRY,))
+        self.fail(decision.failed)
+        for name, why in decision.given_up.items():
+            self.pursue(name, replace(self.now.intentions[name], status=Status.ERROR, reason=why))
+        before = {execution.task.operation.name for execution in self.now.executing}
+        after = {execution.task.operation.name for execution in decision.executing}
+        for name in sorted(before - after):
+            self.note("operation", f"'{name}' goes back to initial", operation=name, state="initial")
+        for execution in decision.executing:
+            if execution.task.operation.name not in before:
+                self.note("operation", f"'{execution.task.name}' starts", operation=execution.task.name, state="executing")
+        self.set(executing=decision.executing, course=decision.course, following=decision.following, stuck=decision.stuck)
+        if decision.following is not None:
+            self.begin_operations(decision.following.plan.problem.initial)
+        helped = {execution.task.name for execution in decision.executing} & set(self.now.failed)
+        if helped:
+            self.set(failed={n: why for n, why in self.now.failed.items() if n not in helped})
+        if decision.stuck:
+            self.note("alarm", decision.stuck)
+            for name in sorted(self.now.spent):
+                self.wish(Wish(WishKind.RETRY, f"Operation '{name}' {self.now.failed[name]}. Try again?", transition=name))
+        self.after_error(decision)
+
+    def begin_operations(self, begun: State) -> None:
+        """What starting operations assigns (`on_start`); the plan begins there."""
+        if begun != self.now.state:
+            self.reach(begun)
+
+    def after_error(self, decision: Decision) -> None:
+        """`on_error`: go on with a substitute, ask for approval first, or halt (section 7)."""
+        if not decision.failed:
+            return
+        by_task = {task.name: task.operation for task in tasks(self.model)}
+        said = [self.model.on_error, *(by_task[name].on_error for name in decision.failed)]
+        said += [self.station.resources[name].on_error for name in self.now.lost]
+        failed = ", ".join(f"'{name}'" for name in decision.failed)
+        if OnError.HALT in said:
+            self.set(halted=f"{failed} failed")
+            self.note("alarm", f"{failed} failed: halted until told to proceed")
+        elif OnError.ASK in said and decision.following is not None:
+            self.set(halted=f"{failed} failed")
+            self.wish(Wish(WishKind.SUBSTITUTE, f"{failed} failed. Go on with the plan that replaces it?"))
+
+    def ask(self) -> None:
+        """Put what is needed to the planners, one question at a time."""
+        now = self.now
+        if now.asked is not None or now.phase is not Phase.RUNNING or now.at < now.not_before:
+            return
+        if now.cause is not None:
+            revision = now.revision + 1
+            request = self.request(now.cause)
+            self.set(
+                revision=revision, asked=Asked(revision, now.cause, now.at, blamed=now.blamed), cause=None, blamed=frozenset()
+            )
+            self.out.append(Ask(revision, request))
+        elif now.recheck and not now.following and not now.executing:
+            self.set(recheck=False)
+            in_error = [n for n, pursuit in now.intentions.items() if pursuit.status is Status.ERROR]
+            if now.failed and (in_error or set(now.failed) - now.spent):
+                revision = now.revision + 1
+                self.set(revision=revision, asked=Asked(revision, Cause.RESUMED, now.at, recheck=True))
+                self.out.append(Ask(revision, replace(self.request(Cause.RESUMED), recheck=True)))
+
+    def request(self, cause: Cause) -> Request:
+        now = self.now
+        wanted = []
+        for name in now.wanted():
+            owed = now.intentions[name].owed
+            assert owed is not None
+            wanted.append(Wanted(name, owed))
+        return Request(
+            cause=cause,
+            state=now.state,
+            wanted=tuple(wanted),
+            executing=now.executing,
+            course=now.course,
+            following=now.following,
+            disabled=frozenset(now.disabled),
+            lost=frozenset(now.lost),
+            failed=now.failed,
+            spent=now.spent,
+            given_up={n: p.reason for n, p in now.intentions.items() if p.status is Status.ERROR},
+            ran=now.ran,
+        )
+
+    # --- advancing ------------------------------------------------------------------------------------------
+
+    def advance(self) -> None:
+        """Everything that follows from the situation as it is now."""
+        if self.now.phase in (Phase.LISTENING, Phase.JOINING):
+            self.take_over()
+        if self.now.phase is Phase.RUNNING:
+            self.watch_hubs()
+            for _ in range(SETTLING):
+                if not (self.automatic() or self.progress() or self.performed() or self.command()):
+                    break
+            self.watch_effects()
+            self.ask()
+        if self.now.phase in (Phase.JOINING, Phase.RUNNING):
+            self.send()
+
+    def automatic(self) -> bool:
+        """Take the automatic transition that is due, if any."""
+        if self.now.halted:
+            return False
+        due = self.station.steps(self.now.executing).automatic(self.now.state)
+        if due is None:
+            return False
+        transition, state = due
+        before = self.now.state
+        self.reach(state)
+        changes = self.system.changes(before, state)
+        self.note("fired", f"{transition.name}", transition=transition.name, by="automatic", changes=changes)
+        following = self.now.following
+        if following and not self.now.asked and not self.follow([transition.name]):
+            self.need(Cause.DEVIATION)
+        return True
+
+    def progress(self) -> bool:
+        """Operations that are done, intentions that begin or end, invariants that are broken or hold again."""
+        if not self.now.halted and (self.operations_end() or self.intentions_move()):
+            return True
+        broken = frozenset(name for name, holds_ in self.station.allowed.items() if not holds_(self.now.state))
+        if broken != self.now.broken:
+            self.guard_invariants(broken)
+        following = self.now.following
+        if following and following.finished and not self.now.asked:
+            self.set(following=None)
+            if following.purpose is Purpose.EXIT or self.now.executing:
+                self.need(Cause.RESUMED)
+        return False
+
+    def guard_invariants(self, broken: frozenset[str]) -> None:
+        self.set(broken=broken)
+        if broken:
+            names = ", ".join(f"'{name}'" for name in sorted(broken))
+            following = self.now.following
+            if following and following.purpose is Purpose.EXIT and broken <= following.lifted:
+                return
+            self.note("alarm", f"forbidden: {names} violated, or about to be", invariants=tuple(sorted(broken)))
+            self.set(executing=(), course=None)
+            self.need(Cause.FORBIDDEN)
+        else:
+            self.note("allowed", "all invariants hold again")
+            self.need(Cause.RESUMED)
+
+    def operations_end(self) -> bool:
+        for execution in self.now.executing:
+            ended = self.ended_as(execution)
+            if ended is None:
+                continue
+            operation = execution.task.operation
+            course = self.now.course.ended(operation.name) if self.now.course else None
+            others = tuple(e for e in self.now.executing if e is not execution)
+            names = [task.name for task in tasks_of(operation)]
+            revived = any(name in self.now.failed for name in names)
+            self.set(
+                executing=others,
+                course=course,
+                ran=self.now.ran.union([operation.name]),
+                failures={n: count for n, count in self.now.failures.items() if n != operation.name},
+                failed={n: why for n, why in self.now.failed.items() if n not in names},
+            )
+            self.note("operation", f"'{ended}' is done", operation=ended, state="initial")
+            if not others:
+                self.set(following=None)
+            self.need(Cause.PROGRESS)
+            if revived or any(p.status is Status.ERROR for p in self.now.intentions.values()):
+                self.set(recheck=True)
+                self.revive()
+            return True
+        return False
+
+    def ended_as(self, execution: Execution) -> str | None:
+        """The outcome that an operation has ended with, when its post-condition is reached."""
+        for task in tasks_of(execution.task.operation):
+            one = replace(execution, task=task)
+            if self.holds(goal_of(self.model, one)):
+                return task.name
+        return None
+
+    def holds(self, predicate: Expr) -> bool:
+        judge = self.station.judges.get(predicate)
+        if judge is None:
+            judge = self.station.judges[predicate] = meaning(predicate, self.system.index)
+        return bool(judge(self.now.state))
+
+    def intentions_move(self) -> bool:
+        for name, pursuit in self.now.intentions.items():
+            starts = self.station.starts[name](self.now.state)
+            match pursuit.status:
+                case Status.INITIAL if starts:
+                    self.pursue(name, Pursuit(Status.EXECUTING, promised(self.model, name)))
+                    self.need(Cause.PROGRESS)
+                    return True
+                case Status.FINISHED | Status.CANCELLED if not starts:
+                    self.pursue(name, Pursuit())
+                    return True
+                case Status.EXECUTING | Status.ERROR if pursuit.owed is not None and self.reached(pursuit):
+                    self.finish(name)
+                    return True
+        return False
+
+    def reached(self, pursuit: Pursuit) -> bool:
+        """Whether nothing more has to happen for `formula U goal`."""
+        assert pursuit.owed is not None
+        return holds(pursuit.owed, (self.station.decisions(self.now.state),), self.station.decision_index)
+
+    def finish(self, name: str) -> None:
+        """The goal is reached: the intention's actions are applied (Def. 6)."""
+        self.pursue(name, Pursuit(Status.FINISHED))
+        values = {
+            action.variable: meaning(action.value, self.system.index)(self.now.state)
+            for action in self.station.intentions[name].actions
+            if not isinstance(action.value, Any)
+        }
+        self.believe(values)
+        if self.now.executing or self.now.wanted():
+            self.need(Cause.PROGRESS)
+        else:
+            self.set(course=None, following=None)
+
+    def pursue(self, name: str, pursuit: Pursuit) -> None:
+        self.set(intentions={**self.now.intentions, name: pursuit})
+        text = f"'{name}' is {pursuit.status.value}" + (f": {pursuit.reason}" if pursuit.reason else "")
+        self.note("intention", text, intention=name, state=pursuit.status.value)
+
+    def command(self) -> bool:
+        """Take the next controlled step that the plan allows; ask the operator for what is his (sections 4.1, 4.5)."""
+        now, following = self.now, self.now.following
+        if following is None or now.asked or now.cause is not None or now.halted:
+            return False
+        if now.broken and following.purpose is not Purpose.EXIT:
+            return False
+        plan = following.plan
+        for at in following.ready():
+            transition = plan.problem.system.transition[plan.trace.path[at]]
+            if transition.kind is Kind.MAINTENANCE:
+                text = transition.instruction or f"Do '{transition.name}' and acknowledge."
+                self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name))
+            elif transition.kind is Kind.CONTROLLED and self.obeyed(transition):
+                if following.purpose is Purpose.EXIT and at not in following.approved:
+                    self.wish(
+                        Wish(WishKind.APPROVAL, f"'{transition.name}' on the way out of a forbidden state", at, transition.name)
+                    )
+                    continue
+                if self.take(following, at, transition):
+                    return True
+                self.need(Cause.DEVIATION)
+                return False
+        return False
+
+    def obeyed(self, transition: Transition) -> bool:
+        """Whether the hubs that a transition commands are there and obey this planner."""
+        for name in sorted({r for v in transition.assigned if (r := self.system.resources[v]) is not None}):
+            view = self.now.hubs.get(name)
+            if view is not None and (name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner)):
+                return False
+        return True
+
+    def take(self, following: Following, at: int, transition: Transition) -> bool:
+        """Fire a controlled transition as the plan has it; False if that is not possible in the present state."""
+        plan = following.plan
+        chosen = self.target(following, at)
+        free = [a.variable for a in transition.actions if isinstance(a.value, Any)]
+        system = plan.problem.system
+        for state in fire(system, transition, self.now.state):
+            if all(state[system.index[name]] == chosen[name] for name in free):
+                break
+        else:
+            return False
+        lifted = following.lifted if following.purpose is Purpose.EXIT else frozenset()
+        if any(not holds_(state) for name, holds_ in self.station.allowed.items() if name not in lifted):
+            return False
+        changes = self.system.changes(self.now.state, state)
+        self.reach(state)
+        self.set(following=replace(following, done=following.done.union([at])))
+        self.note("fired", transition.name, transition=transition.name, by="controlled", changes=changes)
+        return True
+
+    # --- sending --------------------------------------------------------------------------------------------
+
+    def send(self) -> None:
+        """Goal states: at once when they change, and all of them every period."""
+        now = self.now
+        periodic = now.at - now.sent_at >= self.model.period - 1e-9
+        views, sequence = dict(now.hubs), dict(now.sequence)
+        for name, view in now.hubs.items():
+            if name not in now.heard or (name in now.lost and not view.commanded):
+                continue
+            values = self.goal_state(name)
+            new = values != dict(view.commanded)
+            if new:
+                refused = gate.refused(self.station, now, name, values)
+                if refused is not None:
+                    if sequence[name]:
+                        self.note("gate", f"'{name}' keeps its command: {refused}", resource=name)
+                    if not view.commanded:
+                        continue
+                    values, new = dict(view.commanded), False
+            if new or not sequence[name]:
+                sequence[name] += 1
+                views[name] = hubs.command(view, values, now.at)
+            elif not periodic:
+                continue
+            interface = self.station.interfaces[name]
+            self.out.append(
+                Send(GoalMessage(interface.cell, name, now.epoch, sequence[name], now.planner, interface.model, values))
+            )
+        if periodic or sequence != now.sequence:
+            self.set(hubs=views, sequence=sequence, sent_at=now.at if periodic else now.sent_at)
+
+    def goal_state(self, name: str) -> dict[str, Value]:
+        """The goal variables of a resource; a lost one keeps the command that it had."""
+        if name in self.now.lost:
+            return dict(self.now.hubs[name].commanded)
+        return {v.name: self.now.state[self.system.index[v.name]] for v in self.station.goals[name]}
+
+
+def _remaining(following: Following) -> list[int]:
+    return [at for at in range(len(following.plan.trace.path)) if at not in following.done]
