@@ -155,3 +155,17 @@ transitions:
 """
     question = {"goal": "door.pos == opened and machine == idle", "set": {"door.ref": "opened", "door.pos": "opened"}}
     assert plan(rest, lose=["door"], **question).verdict == "unreachable"
+
+
+def test_an_operation_that_changes_measured_copies_only_reaches_its_low_level_goal():
+    answer = plan(
+        """
+operations:
+  let_in: {guard: not door_open, effects: {door_open: true}, goal: door.pos == opened and door.ref == closed}
+intentions:
+  enter: {start: not door_open, goal: door_open}
+"""
+    )
+    assert operations(answer) == ["let_in"]
+    assert [step.transition for step in answer.steps] == ["door.open", "door.opens", "door.close"]
+    assert answer.final["door.ref"] == "closed"
