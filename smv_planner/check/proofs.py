@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from smv_planner.check import relaxed
 from smv_planner.check.plan import Refused
+from smv_planner.check.projection import projected
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
 from smv_planner.model.semantics import Steps
-from smv_planner.problem import Exhausted, Inductive, Problem, Proof, Relaxed
+from smv_planner.problem import Exhausted, Inductive, Problem, Projected, Proof, Relaxed
 
 
 def check_proof(problem: Problem, proof: Proof) -> Refused | None:
@@ -18,6 +19,9 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
     if not meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)(problem.initial):
         return None
     match proof:
+        case Projected(variables, inner):
+            part = projected(problem, variables)
+            return Refused(part) if isinstance(part, str) else check_proof(part, inner)
         case Exhausted():
             return _check_exhausted(problem, proof)
         case Relaxed():

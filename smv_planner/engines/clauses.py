@@ -16,4 +16,4 @@ if TYPE_CHECKING:
 
 def ask(problem: Problem, limits: Limits) -> Verdict:
     """Answer a question; what the solver learns about a system serves the next question about it, also that of `auto`."""
-    return auto.ask(problem, limits, search=lambda *_: 0)
+    return auto.ask(problem, limits, search=lambda: 0)

@@ -49,10 +49,8 @@ def ask(problem: Problem, limits: Limits) -> Verdict:
             if not ways:
                 continue
             for transition, after in steps(state):
-                if not allowed(after):
-                    continue
                 for way in ways:
-                    if (after, way) not in came_from:
+                    if (after, way) not in came_from and allowed(after):
                         came_from[after, way] = (node, transition.name)
                         following.append((after, way))
         if not following:

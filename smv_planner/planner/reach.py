@@ -12,11 +12,23 @@ from smv_planner.model.model import Model
 from smv_planner.model.semantics import judge, slide
 from smv_planner.model.system import Any, Invariant, Kind, State, System, Transition
 from smv_planner.planner.answer import Answer, PlanStep, ProofKind, Stage, Violation
+from smv_planner.planner.conflict import Asked, conflict
 from smv_planner.planner.culprits import goals_to_blame, named
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.prompt import needs_late_effects
 from smv_planner.planner.widening import Widened
-from smv_planner.problem import Exhausted, Goal, Inductive, NotWithin, Problem, Proof, Relaxed, Undecided, Unreachable
+from smv_planner.problem import (
+    Exhausted,
+    Goal,
+    Inductive,
+    NotWithin,
+    Problem,
+    Projected,
+    Proof,
+    Relaxed,
+    Undecided,
+    Unreachable,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +91,8 @@ def _slide(system: System, state: State, invariant: Invariant) -> tuple[str, ...
     return tuple(step[0].name for step in way)
 
 
-def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve) -> Answer:
-    """Fill in `blank` with the verdict on a problem.
+def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve, explain: Solve | None = None) -> Answer:
+    """Fill in `blank` with the verdict on a problem; `explain` is asked, often, why there is no plan.
 
     Raises EngineError if what the engine answers does not stand up to the checker.
     """
@@ -93,7 +105,10 @@ def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve) -> Answer
         if isinstance(found_out, NoPlan):
             return without_plan(blank, result)
         texts = blank.question.goals or ("all invariants",)
-        return without_plan(replace(blank, culprits=named(found_out, texts)), result)
+        blank = replace(blank, culprits=named(found_out, texts))
+        if explain and isinstance(result.verdict, Unreachable):
+            blank = replace(blank, conflict=conflict(_asked(problem, texts, begin), explain))
+        return without_plan(blank, result)
     steps = plan_steps(result)
     return replace(
         blank,
@@ -106,7 +121,16 @@ def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve) -> Answer
     )
 
 
-def leave_forbidden(model: Model, begin: Start, bound: int, blank: Answer, solve: Solve) -> Answer:
+def _asked(problem: Problem, goals: tuple[str, ...], begin: Start) -> Asked:
+    def unusable(disabled: frozenset[str], lost: frozenset[str]) -> frozenset[str]:
+        return replace(begin, disabled=disabled, lost=lost).unusable(problem.system)
+
+    return Asked(problem, goals, begin.disabled, begin.lost, unusable)
+
+
+def leave_forbidden(
+    model: Model, begin: Start, bound: int, blank: Answer, solve: Solve, explain: Solve | None = None
+) -> Answer:
     """Plan the way out of forbidden states (Machines 2021, section 4.6).
 
     The invariants violated now, as widened, are lifted; the goal is that all hold again. Maintenance may be asked for,
@@ -117,7 +141,7 @@ def leave_forbidden(model: Model, begin: Start, bound: int, blank: Answer, solve
     held = tuple(widened for widened in begin.widened if widened.declared.name not in broken)
     goal = Goal(conjunction(widened.invariant.predicate for widened in begin.widened))
     way_out = replace(begin, widened=held, maintenance=True)
-    answer = reach(pose(model, way_out, [goal], bound), blank, way_out, solve)
+    answer = reach(pose(model, way_out, [goal], bound), blank, way_out, solve, explain)
     approve = ("an operator has to approve every step: the plan starts in a forbidden state",) if found else ()
     return replace(answer, violations=found, warnings=(*approve, *answer.warnings))
 
@@ -140,6 +164,8 @@ def without_plan(blank: Answer, result: NoPlan) -> Answer:
 
 def proof_kind(proof: Proof) -> ProofKind:
     match proof:
+        case Projected(_, part):
+            return proof_kind(part)
         case Exhausted():
             return "exhausted"
         case Relaxed():

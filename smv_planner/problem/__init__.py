@@ -103,8 +103,16 @@ class Inductive:
     clauses: tuple[Clause, ...]
 
 
-Proof = Exhausted | Relaxed | Inductive
-"""Why there is no plan of any length: an over-approximation of all that can happen, in one of three forms."""
+@dataclass(frozen=True, slots=True)
+class Projected:
+    """There is no plan even for the variables named alone, whatever the others do; `proof` is about these only."""
+
+    variables: frozenset[str]
+    proof: Exhausted | Relaxed | Inductive
+
+
+Proof = Exhausted | Relaxed | Inductive | Projected
+"""Why there is no plan of any length: an over-approximation of all that can happen, in one of three forms, or of a part."""
 
 
 @dataclass(frozen=True, slots=True)

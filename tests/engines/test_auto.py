@@ -19,7 +19,7 @@ from smv_planner.engines.auto.session import session_of
 from smv_planner.model.domains import Bool, Enum, Range, Value
 from smv_planner.model.expressions import TRUE, Const, Expr, Var, conjunction, equality, meaning, negation
 from smv_planner.model.semantics import Steps
-from smv_planner.model.system import Assignment, Kind, System, Transition, Variable, VariableKind
+from smv_planner.model.system import Assignment, Invariant, Kind, System, Transition, Variable, VariableKind
 from smv_planner.problem import (
     Clause,
     Exhausted,
@@ -225,8 +225,10 @@ def test_an_answer_says_in_words_why_there_is_no_plan(scenario: str, goal: str, 
 
 
 def test_many_states_are_proved_by_few_clauses() -> None:
-    """Three processes share a token, and eight switches that nobody reads multiply the states."""
+    """Three processes share a token, and eight switches multiply the states; an invariant reads them all."""
     problem = token_ring(switches=8)
+    never = conjunction([equality(Var("p0"), Const("works")), *(Var(f"s{at}") for at in range(8))])
+    problem = replace(problem, allowed=(Invariant("never", negation(never)),))
     verdict = auto.ask(problem, LIMITS)
     assert isinstance(verdict, Unreachable)
     assert isinstance(verdict.proof, Inductive)

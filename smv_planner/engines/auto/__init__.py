@@ -8,17 +8,29 @@ where the search stopped, in turns with a search for an inductive proof that the
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Ended, Tables, explore
 from smv_planner.engines.auto.session import Session, session_of
 from smv_planner.model.expressions import meaning
-from smv_planner.problem import Exhausted, Inductive, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
+from smv_planner.problem import (
+    Exhausted,
+    Inductive,
+    NotWithin,
+    Problem,
+    Projected,
+    Proof,
+    Reached,
+    Undecided,
+    Unreachable,
+    Verdict,
+)
 
 if TYPE_CHECKING:
     from smv_planner.engines import Limits
@@ -55,13 +67,21 @@ PRESERVED = "property-directed reachability found conditions that every step pre
 OnTime = Callable[[str], bool]
 """Says how far a search is, and is told whether there is time left."""
 
-Search = Callable[[Problem, Session, Ground, Tables, int, OnTime], "Reached | Unreachable | Late | int"]
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """What may be spent on a question: states to look at, bytes, and time; and what comes before SAT, if not `by_states`."""
+
+    states: int
+    memory: int
+    on_time: OnTime
+    search: Callable[[], int] | None = None
 
 
-def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Search | None = None) -> Verdict:
+def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Callable[[], int] | None = None) -> Verdict:
     """Answer a question; `budget` is how many states the search may look at before the SAT solver takes over.
 
-    `search` stands in for `by_states`.
+    With `search` nothing comes before SAT; it says how many steps a plan has at least.
     """
     ends = time.monotonic() + limits.deadline
 
@@ -72,10 +92,8 @@ def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Search |
     index = problem.system.index
     if not all(meaning(invariant.predicate, index)(problem.initial) for invariant in problem.allowed):
         return Unreachable(Exhausted(frozenset()))
-    warm = session_of(problem.system)
-    ground, tables = warm.variant(problem.allowed)
-    depth = (search or by_states)(problem, warm, ground, tables, min(budget, limits.memory // BYTES_PER_NODE), on_time)
-    verdict = depth if not isinstance(depth, int) else by_clauses(problem, warm, ground, depth, limits.memory, on_time)
+    means = Means(min(budget, limits.memory // BYTES_PER_NODE), limits.memory, on_time, search)
+    verdict = answer(problem, session_of(problem.system), means)
     if isinstance(verdict, Late):
         return Undecided(f"{verdict.limit} reached, no plan of fewer than {verdict.depth} steps", deadline=verdict.deadline)
     return verdict
@@ -93,27 +111,81 @@ class Late:
         return "deadline" if self.deadline else "memory limit"
 
 
-def by_states(
-    problem: Problem, warm: Session, ground: Ground, tables: Tables, budget: int, on_time: OnTime
-) -> Reached | Unreachable | Late | int:
-    """Search states, and try relaxed reachability on the way. A number says how many steps are at least needed."""
-    relaxed = False
+Found = Reached | NotWithin | Unreachable | Late
+
+
+def answer(problem: Problem, warm: Session, means: Means) -> Found:
+    ground, tables = warm.variant(problem.allowed)
+    if means.search is not None:
+        return by_clauses(problem, warm, ground, means.search(), means)
+    parts = warm.parts(ground).apart(problem)
+    if parts:
+        return by_parts(problem, warm, parts, means)
+    found = by_states(problem, warm, ground, tables, means)
+    return by_clauses(problem, warm, ground, found, means) if isinstance(found, int) else found
+
+
+def by_parts(problem: Problem, warm: Session, parts: Iterable[tuple[Part, Problem]], means: Means) -> Found:
+    """Plan each part by itself. What one cannot reach the whole cannot either."""
+    plans: list[tuple[Part, Reached]] = []
+    unfinished: NotWithin | Late | None = None
+    depth = 0
+    for part, share in parts:
+        match answer(share, warm.of_part(part), means):
+            case Reached(path) as plan:
+                plans.append((part, plan))
+                depth += len(path)
+            case Unreachable(proof, argument):
+                return Unreachable(_of_the_whole(part, proof), argument)
+            case Late(least, deadline):
+                unfinished = Late(depth + least, deadline)
+                if deadline:
+                    return unfinished
+            case NotWithin() as found:
+                unfinished = found
+    if unfinished is not None:
+        return unfinished
+    arguments = " and ".join(dict.fromkeys(plan.argument for _, plan in plans))
+    if depth > problem.bound:
+        return NotWithin(problem.bound, f"{len(plans)} independent parts, each: {arguments}")
+    argument = arguments if len(plans) == 1 else f"{len(plans)} independent parts, in each {arguments}"
+    return replace(merged(problem, plans), argument=argument)
+
+
+def _of_the_whole(part: Part, proof: Proof) -> Projected:
+    names = frozenset(variable.name for variable in part.system.variables)
+    match proof:
+        case Projected(fewer, inner):
+            return Projected(fewer, inner)
+        case _:
+            return Projected(names, proof)
+
+
+def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, means: Means) -> Found | int:
+    """Search states, and when they are not few, try relaxed reachability and leave out what does not matter.
+
+    A number says how many steps are at least needed.
+    """
+    looked = False
     few = SOME if warm.abstracted(ground) else FEW
     for found in explore(tables, problem):
         if isinstance(found, Reached):
             return replace(found, argument=SEARCHED)
-        over = isinstance(found, Ended) or found.number > budget or found.depth > problem.bound
-        if not relaxed and (over or found.number > few):
-            relaxed = True
+        over = isinstance(found, Ended) or found.number > means.states or found.depth > problem.bound
+        if not looked and (over or found.number > few):
+            looked = True
             proof = out_of_reach(warm.abstraction(ground), ground, problem)
             if proof:
                 return Unreachable(proof, RELAXED)
+            part = warm.parts(ground).needed(problem)
+            if part:
+                return by_parts(problem, warm, [part], means)
         if isinstance(found, Ended):
-            short = _short_proof(found, ground, problem, on_time)
+            short = _short_proof(found, ground, problem, means.on_time)
             return Unreachable(short, PRESERVED) if short else Unreachable(found.proof(), ALL_SEEN)
         if over:
             return found.depth
-        if not on_time(f"{found.number} states, {found.depth} steps deep"):
+        if not means.on_time(f"{found.number} states, {found.depth} steps deep"):
             return Late(found.depth)
     raise AssertionError("the search ends with a plan, at the bound, or because nothing is left")
 
@@ -131,9 +203,7 @@ def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime
     return None
 
 
-def by_clauses(
-    problem: Problem, warm: Session, ground: Ground, depth: int, memory: int, on_time: OnTime
-) -> Reached | NotWithin | Unreachable | Late:
+def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, means: Means) -> Found:
     """A shortest plan of `depth` or more steps, or a proof that there is none, whichever is found first.
 
     The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
@@ -159,7 +229,7 @@ def by_clauses(
             if isinstance(found, Reached):
                 return replace(found, argument=f"{by} ruled out every shorter plan")
             depth = found
-        in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= memory
-        if not on_time(f"no plan of fewer than {depth} steps") or not in_memory:
+        in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= means.memory
+        if not means.on_time(f"no plan of fewer than {depth} steps") or not in_memory:
             return Late(depth, deadline=in_memory) if depth <= problem.bound else not_within
     return not_within

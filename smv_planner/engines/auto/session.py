@@ -6,9 +6,11 @@ Systems compare by identity, so a session is found again for as long as the same
 from __future__ import annotations
 
 from functools import lru_cache
+from weakref import WeakKeyDictionary
 
 from smv_planner.engines.auto.bounded import Unrolled
 from smv_planner.engines.auto.grounding import Ground, Shared, ground
+from smv_planner.engines.auto.parts import Part, Parts
 from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Tables
 from smv_planner.model.system import Invariant, System
@@ -33,6 +35,8 @@ class Session:
         self._system = system
         self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
         self._abstractions: dict[Ground, Abstraction] = {}
+        self._parts: dict[Ground, Parts] = {}
+        self._sessions: WeakKeyDictionary[Part, Session] = WeakKeyDictionary()
         self._unrolled: Unrolled | None = None
         self._asked = 0
 
@@ -47,6 +51,7 @@ class Session:
         if len(self._variants) > VARIANTS:
             _, dropped, _ = self._variants.pop(next(iter(self._variants)))
             self._abstractions.pop(dropped, None)
+            self._parts.pop(dropped, None)
         _, of, tables = found
         self.shared.trim()
         tables.trim()
@@ -61,6 +66,17 @@ class Session:
             self._abstractions[of] = Abstraction(of)
         self._abstractions[of].trim()
         return self._abstractions[of]
+
+    def parts(self, of: Ground) -> Parts:
+        if of not in self._parts:
+            self._parts[of] = Parts(of)
+        return self._parts[of]
+
+    def of_part(self, part: Part) -> Session:
+        """What is kept of a part of the system; for as long as the part is."""
+        if part not in self._sessions:
+            self._sessions[part] = Session(part.system)
+        return self._sessions[part]
 
     def unrolled(self) -> Unrolled:
         """The layers for the SAT solver; made when they are first needed, and anew when they have grown too much."""
