@@ -15,9 +15,7 @@ GATE = Interface(
     measured={"gate.pos": Enum(("closed", "opened", "1", "true", "null")), "gate.locked": Bool(), "gate.count": Range(0, 1)},
     model="f" * 64,
 )
-GOAL = GoalMessage(
-    "hall-1", "gate", 3, 17, "planner-a", "f" * 64, {"gate.ref": "opened", "gate.lock": False, "gate.speed": -2}
-)
+GOAL = GoalMessage("hall-1", "gate", 3, 17, "planner-a", "f" * 64, {"gate.ref": "opened", "gate.lock": False, "gate.speed": -2})
 STATE = StateMessage(
     "hall-1",
     "gate",
