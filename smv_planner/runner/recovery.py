@@ -20,9 +20,9 @@ from smv_planner.model.system import Assignment, Kind, State, System, Transition
 from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint, proposals
-from smv_planner.planner.operations import Task, abstracted, footprints, operation_system, tasks
+from smv_planner.planner.operations import Task, abstracted, footprints, operation_state, operation_system, tasks
 from smv_planner.planner.reach import Start, pose, violations
-from smv_planner.planner.sequences import OperationPlan, constraints, in_sequence, manual_plan
+from smv_planner.planner.sequences import OperationPlan, constraints, in_order, manual_plan
 from smv_planner.planner.stage import Execution, goal_of, stage_system, start
 from smv_planner.planner.widening import Widened
 from smv_planner.problem import Goal, Problem, Reached
@@ -87,8 +87,8 @@ class _Recovery:
 
     def leads_on(self, course: Course, executing: Sequence[Execution]) -> bool:
         """Whether the rest of an operation plan still reaches the goals, if operations do what they promise."""
-        system = operation_system(self.model, self.request.state)
-        states = [system.initial]
+        system = operation_system(self.model)
+        states = [operation_state(self.model, self.request.state)]
         for execution in executing:
             states.append(_with(system, states[-1], execution.post))
         for at, task in enumerate(course.plan.tasks):
@@ -175,22 +175,22 @@ class _Recovery:
     def operations_problem(self, wanted: Iterable[Wanted], executing: Iterable[Execution]) -> Problem:
         """The operation planner's question; an operation that executes goes on to the post-condition it started with."""
         model, request = self.model, self.request
-        system = operation_system(model, request.state)
         running = {execution.task.operation.name: execution for execution in executing}
-        steps = [_going_on(model, step, running) for step in system.transitions]
-        system = replace(system, transitions=tuple(steps))
-        wanted = tuple(wanted)
-        intentions = [intention_of(model, w) for w in wanted]
-        system = in_sequence(model, system, constraints(model, intentions), request.ran)
-        system, goals = _with_goals(model, system, wanted)
-        return Problem(
+        wanted, system = tuple(wanted), operation_system(model)
+        problem = Problem(
             system=system,
-            initial=system.initial,
-            goals=goals,
+            initial=operation_state(model, request.state),
+            goals=tuple(goal for one in wanted for goal in _goals(model, one)),
             allowed=system.invariants,
             unusable=frozenset((*self.failed, *request.failed)),
             bound=self.planners.bound,
         )
+        sequences = constraints(model, [intention_of(model, one) for one in wanted])
+        problem = in_order(model, problem, sequences, request.ran)
+        if running:
+            steps = tuple(_going_on(model, step, running) for step in problem.system.transitions)
+            problem = replace(problem, system=replace(problem.system, transitions=steps))
+        return _marked(problem, model, wanted)
 
     # --- transitions ----------------------------------------------------------------------------------------
 
@@ -389,28 +389,24 @@ def _going_on(model: Model, step: Transition, running: Mapping[str, Execution]) 
         posts = execution.posts.get(step.name)
         if posts is not None:
             guard = TRUE if execution.task.operation.on_start else step.guard
-            actions = tuple(Assignment(name, Const(value)) for name, value in posts.items())
-            return replace(step, guard=guard, actions=actions)
+            promised_ = [Assignment(name, Const(value)) for name, value in posts.items()]
+            of_sequences = [a for a in step.actions if a.variable not in operation_system(model).index]
+            return replace(step, guard=guard, actions=(*promised_, *of_sequences))
     return step
 
 
-BEGUN = "begun"
-"""Tells the first state of an operation plan from later ones; no name of a scenario has a space in front."""
+BEGUN = " begun"
+"""Tells later states of an operation plan from the first one; no name of a scenario begins with a space."""
 
 
-def _with_goals(model: Model, system: System, wanted: Sequence[Wanted]) -> tuple[System, tuple[Goal, ...]]:
-    """What is still owed of each intention, as goals.
-
-    What earlier states have left to be met from now on (beside `formula U goal` itself) counts in the first state only;
-    a variable that every step sets tells it from the others.
-    """
-    goals = tuple(goal for one in wanted for goal in _goals(model, one))
+def _marked(problem: Problem, model: Model, wanted: Sequence[Wanted]) -> Problem:
+    """With a variable that every step sets, if something owed counts in the first state only (see `_goals`)."""
     if all(_rest(model, one) == ALWAYS_TRUE for one in wanted):
-        return system, goals
-    name = f" {BEGUN}"
-    steps = tuple(replace(t, actions=(*t.actions, Assignment(name, TRUE))) for t in system.transitions)
-    variables = (*system.variables, Variable(name, VariableKind.DECISION, Bool(), False))
-    return System(variables, steps, system.invariants), goals
+        return problem
+    system = problem.system
+    steps = tuple(replace(t, actions=(*t.actions, Assignment(BEGUN, TRUE))) for t in system.transitions)
+    variables = (*system.variables, Variable(BEGUN, VariableKind.DECISION, Bool(), False))
+    return replace(problem, system=System(variables, steps, system.invariants), initial=(*problem.initial, False))
 
 
 def promised(model: Model, intention: str) -> Formula:
@@ -425,13 +421,16 @@ def intention_of(model: Model, wanted: Wanted) -> Intention:
 
 
 def _goals(model: Model, wanted: Wanted) -> list[Goal]:
-    """One goal for an intention that is not reached yet, and at most one for what else is owed."""
+    """What is still owed of an intention, as a goal.
+
+    What earlier states have left to be met from now on, beside `formula U goal` itself, counts in the first state only.
+    """
     whole, rest = promised(model, wanted.intention), _rest(model, wanted)
-    now_only: Formula = Either(Atom(Var(f" {BEGUN}")), rest)
+    now_only: Formula = Either(Atom(Var(BEGUN)), rest)
     match whole:
         case Until(until, Atom(goal)) if whole in parts(wanted.owed):
             return [Goal(goal, until if rest == ALWAYS_TRUE else all_of([until, now_only]))]
-    return [Goal(Var(f" {BEGUN}"), now_only)]
+    return [Goal(Var(BEGUN), now_only)]
 
 
 def _rest(model: Model, wanted: Wanted) -> Formula:

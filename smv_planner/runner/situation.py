@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
@@ -13,7 +13,7 @@ from smv_planner.model.ltl import Formula
 from smv_planner.model.model import Intention, Model, Resource
 from smv_planner.model.semantics import Steps, ready
 from smv_planner.model.system import Kind, State, System, Transition, Variable, VariableKind
-from smv_planner.planner.operations import footprints, operation_system, tasks
+from smv_planner.planner.operations import footprints, operation_state, operation_system, tasks
 from smv_planner.planner.stage import Execution, stage_system
 from smv_planner.planner.widening import Widened
 from smv_planner.protocol.interface import Interface, interfaces
@@ -205,40 +205,28 @@ class Station:
             for task in tasks(self.model)
         }
 
-    @cached_property
+    @property
     def decision_index(self) -> Mapping[str, int]:
         """Where each decision variable and measured copy stands in `decisions`."""
-        return operation_system(self.model, self.system.initial).index
-
-    @cached_property
-    def _copies(self) -> tuple[Callable[[State], Value], ...]:
-        own = [v.name for v in self.model.variables if v.kind is VariableKind.DECISION]
-        at = [self.system.index[name] for name in own]
-        plain: list[Callable[[State], Value]] = [lambda state, i=i: state[i] for i in at]  # type: ignore[misc]
-        return (*plain, *(meaning(copy.value, self.system.index) for copy in self.model.copies))
+        return operation_system(self.model).index
 
     def decisions(self, state: State) -> State:
         """The state as the operation planner sees it."""
-        return tuple(value(state) for value in self._copies)
-
-    @cached_property
-    def _stages(self) -> dict[object, Steps]:
-        return {}
+        return operation_state(self.model, state)
 
     def steps(self, executing: Sequence[Execution]) -> Steps:
         """The automatic transitions and the completions of executing operations."""
-        key = tuple((e.task.name, tuple((n, tuple(sorted(p.items()))) for n, p in e.posts.items())) for e in executing)
-        if key not in self._stages:
-            if len(self._stages) > 256:
-                self._stages.clear()
-            system = stage_system(self.model, executing)
-            self._stages[key] = Steps(system, system.transitions)
-        return self._stages[key]
+        return _steps(stage_system(self.model, executing))
 
     @cached_property
     def judges(self) -> dict[object, Judge]:
         """Predicates compiled so far; a cache, and nobody's business but the runner's."""
         return {}
+
+
+@lru_cache(maxsize=64)
+def _steps(system: System) -> Steps:
+    return Steps(system, system.transitions)
 
 
 def at_rest(station: Station, at: float = 0.0) -> Situation:
