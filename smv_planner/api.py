@@ -107,15 +107,15 @@ def plan(
         verdict="undecided",
     )
     if asked.goals:
-        answer = reach.reach(pose(model, asked, bound), blank, begin, solve)
+        answer = reach.reach(pose(model, asked, bound), blank, begin, solve, _briefly)
     elif exit_forbidden:
-        answer = reach.leave_forbidden(model, begin, bound, blank, solve)
+        answer = reach.leave_forbidden(model, begin, bound, blank, solve, _briefly)
     else:
         chosen = active_intentions(model, asked, begin)
         blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
         if not chosen:
             blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
-        answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound), blank)
+        answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound, _briefly), blank)
     # What answers a question with goals is the first verdict; those after it only look for whom to blame.
     arguments = tuple(ask.arguments)[: None if ask.several else 1]
     if second is not None:
@@ -169,6 +169,13 @@ def _widening(base: System) -> Widening:
     from smv_planner.engines.sat import Predicates
 
     return Widening(base, Predicates(base.domains).satisfiable)
+
+
+def _briefly(problem: Problem) -> Verdict:
+    """What is asked for the causes of an impossible goal."""
+    from smv_planner.engines.auto.briefly import briefly
+
+    return briefly(problem)
 
 
 def encoded(problem: Problem) -> Encoding:

@@ -66,11 +66,11 @@ def question(seed: int) -> Problem:
         unusable=Start(system.initial, (), maintenance=random.random() < 0.3, disabled=disabled).unusable(system),
         bound=BOUND,
     )
-    somewhere = _wander(random, blank)
+    somewhere = wander(random, blank)
     return replace(blank, goals=tuple(made.goal(somewhere) for _ in range(random.choice((1, 1, 1, 2, 3)))))
 
 
-def _wander(random: Random, problem: Problem) -> State:
+def wander(random: Random, problem: Problem) -> State:
     """A settled state at the end of a random walk."""
     steps = Steps(problem.system, problem.usable)
     allowed = meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)

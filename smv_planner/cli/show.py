@@ -11,6 +11,7 @@ from rich.table import Table
 from smv_planner.model.domains import Value, show_value
 from smv_planner.model.model import Model
 from smv_planner.planner.answer import Answer, PlanStep, Stage
+from smv_planner.planner.conflict import in_words
 
 COLOURS = {"controlled": "bold", "automatic": "dim", "effect": "cyan", "maintenance": "bold yellow", "operation": "magenta"}
 
@@ -48,6 +49,8 @@ def show_answer(model: Model, answer: Answer) -> None:
         console.print("[dim]The steps go one after the other: none may overlap with another.[/]")
     for culprit in answer.culprits:
         console.print(f"  cannot be reached{' together' if len(culprit) > 1 else ''}: [bold]{escape(', '.join(culprit))}[/]")
+    if answer.conflict:
+        console.print(f"  {escape(in_words(answer.conflict))}")
     for violation in answer.violations:
         now = "is violated now" if violation.now else f"would be violated by {' then '.join(violation.slide) or 'a long slide'}"
         console.print(f"  invariant [bold]{escape(violation.invariant)}[/] {escape(now)}")

@@ -75,6 +75,17 @@ class Violation:
 
 
 @dataclass(frozen=True, slots=True)
+class Conflict:
+    """What is impossible together, of which nothing can be left out: goals, transitions that are `disabled`, resources that
+    are `lost`, and invariants. Without any one of them there is a plan, or a brief look does not prove that there is none."""
+
+    goals: tuple[str, ...]
+    disabled: tuple[str, ...]
+    lost: tuple[str, ...]
+    invariants: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True)
 class SecondOpinion:
     """What another engine thought of the `asked` questions that were put to both: on `agreed` of them the same."""
 
@@ -88,7 +99,8 @@ class Answer:
     """A verdict with all that belongs to it. `steps` is one valid total order; only a checked plan has steps.
 
     `culprits` are goals, intentions or operations that cannot be reached (together); `disabled` are the operations that
-    the plan does without, because no transition plan could complete them.
+    the plan does without, because no transition plan could complete them. `conflict` is why there is no plan, if that was
+    easy to find out.
     `arguments` are the engine's own words on how it came to its verdicts, each once; empty if it was not asked.
     `engine_seconds` and `total_seconds` are filled in by whoever holds the clock.
     """
@@ -109,6 +121,7 @@ class Answer:
     operations: tuple[PlannedOperation, ...] = ()
     culprits: tuple[tuple[str, ...], ...] = ()
     disabled: tuple[str, ...] = ()
+    conflict: Conflict | None = None
     final: Mapping[str, Value] = field(default_factory=dict)
     violations: tuple[Violation, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -186,6 +199,7 @@ class Answer:
                 }
                 for o in self.operations
             ],
+            "conflict": asdict(self.conflict) if self.conflict else None,
             "culprits": [list(together) for together in self.culprits],
             "disabled": list(self.disabled),
             "violations": [{"invariant": v.invariant, "now": v.now, "slide": list(v.slide)} for v in self.violations],

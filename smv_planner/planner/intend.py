@@ -16,6 +16,7 @@ from smv_planner.model.model import Sequence as Prescribed
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import Invariant, State, System
 from smv_planner.planner.answer import Answer, PlannedOperation, PlanStep, Stage
+from smv_planner.planner.conflict import Asked, conflict
 from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint
@@ -24,7 +25,7 @@ from smv_planner.planner.reach import Start, plan_steps, pose, violated, violati
 from smv_planner.planner.sequences import OperationPlan, constraints, in_order, manual_plan
 from smv_planner.planner.stage import goal_of, stage_system, start
 from smv_planner.planner.widening import Widened
-from smv_planner.problem import Goal, NotWithin, Problem
+from smv_planner.problem import Goal, NotWithin, Problem, Unreachable
 
 Widen = Callable[[System], tuple[Widened, ...]]
 
@@ -34,12 +35,16 @@ REPLANS = 20
 
 @dataclass(frozen=True, slots=True)
 class Levels:
-    """What both levels of planning need: what may be used, how to ask an engine, how to widen, the longest plan."""
+    """What both levels of planning need: what may be used, how to ask an engine, how to widen, the longest plan.
+
+    `explain` is asked, often, why there is no plan.
+    """
 
     begin: Start
     solve: Solve
     widen: Widen
     bound: int
+    explain: Solve | None = None
 
     def allowed(self, system: System) -> tuple[Invariant, ...]:
         """The system's invariants as widened, without those that are lifted."""
@@ -241,7 +246,12 @@ def _no_operations(
         ]
     reason = "; ".join(failed or [result.reason])
     names = tuple(tuple(intentions[at].name for at in goals) for goals in sets)
-    return without_plan(replace(blank, culprits=names), NoPlan(verdict, reason))
+    blank = replace(blank, culprits=names)
+    if levels.explain and isinstance(verdict, Unreachable):
+        every = tuple(intention.name for intention in intentions)
+        asked = Asked(problem, every, frozenset(), frozenset(), lambda disabled, lost: problem.unusable)
+        blank = replace(blank, conflict=conflict(asked, levels.explain))
+    return without_plan(blank, NoPlan(verdict, reason))
 
 
 def _met(model: Model, intention: Intention, progress: _Progress) -> bool:

@@ -18,7 +18,7 @@ from smv_planner.model.system import Invariant, System
 SYSTEMS = 64
 """How many systems stay warm."""
 
-VARIANTS = 4
+VARIANTS = 16
 """How many sets of allowed invariants stay warm for one system."""
 
 CLAUSES = 3_000_000
