@@ -10,8 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 from smv_planner.model.domains import Value
+from smv_planner.model.model import Resource
 from smv_planner.protocol.interface import Interface
 from smv_planner.protocol.messages import GoalMessage, Reason, Rejected, StateMessage
 
@@ -25,7 +27,7 @@ class Hold:
 
 @dataclass(frozen=True, slots=True)
 class Safe:
-    """After so many seconds without a goal message the hub obeys these values, until a planner speaks again."""
+    """After so many seconds without a goal message the hub sets these goals and holds the others, until a planner speaks."""
 
     values: Mapping[str, Value]
     after: float = 0.5
@@ -52,14 +54,22 @@ class Hub:
     @property
     def goal(self) -> Mapping[str, Value]:
         """The goal values to act on now, and to mirror."""
+        told = self.obeyed.values if self.obeyed else self.resting
         match self.deadman:
             case Safe(values) if self.forsaken:
-                return values
-        return self.obeyed.values if self.obeyed else self.resting
+                return {**told, **values}
+        return told
 
     @property
     def epoch(self) -> int:
         return self.obeyed.epoch if self.obeyed else 0
+
+
+def deadman_of(resource: Resource) -> Deadman:
+    """The reaction that the scenario asks of a hub. Without one it holds for ever and thinks nothing of it."""
+    if resource.deadman is None:
+        return Hold(inf)
+    return Safe(dict(resource.safe), resource.deadman) if resource.safe else Hold(resource.deadman)
 
 
 def start(interface: Interface, boot: str, at: float, goal: Mapping[str, Value], deadman: Deadman = HOLD) -> Hub:

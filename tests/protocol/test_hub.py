@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
+from math import inf
 
 import pytest
 from generated_messages import GATE, GOAL, STATE
@@ -12,7 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from smv_planner.model.domains import Range
-from smv_planner.protocol.hub import Hold, Hub, Safe, receive, report, start, tick
+from smv_planner.model.model import Resource
+from smv_planner.protocol.hub import Hold, Hub, Safe, deadman_of, receive, report, start, tick
 from smv_planner.protocol.interface import Interface
 from smv_planner.protocol.messages import GoalMessage, Reason, Rejected, decode_goal, decode_state, encode
 
@@ -89,6 +91,18 @@ def test_a_forsaken_hub_falls_back_to_its_safe_values_and_returns_with_its_plann
     assert tick(hub, 2.3).goal == HALT
 
 
+def test_what_has_no_safe_value_is_held():
+    hub = receive(start(GATE, "boot-1", 0.0, REST, Safe({"gate.speed": 0}, after=0.5)), GOAL, 1.0)
+    assert tick(hub, 1.6).goal == {**GOAL.values, "gate.speed": 0}
+
+
+def test_the_scenario_says_how_a_hub_reacts():
+    door = Resource("door")
+    assert deadman_of(door) == Hold(inf)
+    assert deadman_of(replace(door, deadman=1.0)) == Hold(1.0)
+    assert deadman_of(replace(door, deadman=1.0, safe=(("door.ref", "closed"),))) == Safe({"door.ref": "closed"}, 1.0)
+
+
 def test_a_hub_that_nobody_ever_spoke_to_falls_back_too():
     assert tick(start(GATE, "boot-1", 10.0, REST, Safe(HALT, after=0.5)), 10.6).goal == HALT
 
@@ -119,7 +133,7 @@ class Planners(RuleBasedStateMachine):
         self.mark: dict[tuple[int, int, str], int] = {}
         self.deadman = Safe(dict.fromkeys(AXES.goals, 0), 0.5) if safe else Hold(0.5)
         self.hub = start(AXES, "1", 0.0, dict.fromkeys(AXES.goals, 0), self.deadman)
-        self.reigns = {name: (0, 0) for name in "abc"}
+        self.reigns = dict.fromkeys("abc", (0, 0))
         self.delivered: list[GoalMessage] = []
         self.obeyed: list[tuple[int, int]] = []
 

@@ -64,10 +64,10 @@ def test_the_order_of_members_does_not_matter_and_is_declared_order_afterwards()
     assert encode(decode_state(json.dumps(turned(json.loads(STATE_TEXT))).encode(), GATE)).decode() == STATE_TEXT
 
 
-LITERALS = """true false "true" "false" TRUE True 1 1.0 1e0 0 0.0 -0 -0.0 "1" "0" 2 -1 -2 -3 3 4 "closed" "opened" "CLOSED" " closed"
-    "clos\\u0065d" "\\ud800" null "null" [] [1] {} {"a":1} NaN Infinity -Infinity 1e999 -1e999 0x1 0b1 01 +1 1_0 .5 1. nan
-    4294967297 18446744073709551617 340282366920938463463374607431768211457 'closed' "closed\\u0000" yes on""".split(" ")
-LITERALS = [literal.strip() for literal in LITERALS if literal.strip()] + ["1" * 5000, "-" + "9" * 20, '" closed"', ""]
+LITERALS = r"""true false "true" "false" TRUE True 1 1.0 1e0 0 0.0 -0 -0.0 "1" "0" 2 -1 -2 -3 3 4 "closed" "opened" "CLOSED"
+    "clos\u0065d" "closed\u0000" "\ud800" 'closed' null "null" [] [1] {} {"a":1} NaN Infinity -Infinity 1e999 -1e999 nan
+    0x1 0b1 01 +1 1_0 .5 1. 4294967297 18446744073709551617 340282366920938463463374607431768211457 yes on""".split()  # noqa: SIM905
+LITERALS += ["1" * 5000, "-" + "9" * 20, '" closed"', ""]
 FITTING = {
     "gate.pos": {'"closed"', '"opened"', '"1"', '"true"', '"null"', '"clos\\u0065d"'},
     "gate.locked": {"true", "false"},
