@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 
-from smv_planner.check.relaxed import conjuncts
-from smv_planner.model.expressions import FALSE, TRUE, Expr, conjunction, variables_of
+from smv_planner.model.expressions import FALSE, TRUE, Expr, conjunction, conjuncts, variables_of
 from smv_planner.model.ltl import atoms, counts_steps
 from smv_planner.model.semantics import ready
 from smv_planner.model.system import Invariant, System

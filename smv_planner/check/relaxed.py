@@ -12,7 +12,6 @@ from itertools import product
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
-    FALSE,
     And,
     Const,
     Equal,
@@ -25,8 +24,8 @@ from smv_planner.model.expressions import (
     Or,
     Plus,
     Var,
+    conjuncts,
     meaning,
-    negation,
     substitute,
     variables_of,
 )
@@ -107,26 +106,6 @@ def may_hold(formula: Formula, sets: Sets, always: list[Expr]) -> bool:
             return may_hold(left, sets, always) or may_hold(right, sets, always)
         case Until(_, right) | Release(_, right):
             return may_hold(right, sets, always)
-
-
-def conjuncts(expr: Expr, positive: bool = True) -> Iterator[Expr]:
-    """Parts that all have to hold for `expr` to be `positive`; none if it always is."""
-    match expr:
-        case Named(_, part):
-            yield from conjuncts(part, positive)
-        case Not(part):
-            yield from conjuncts(part, not positive)
-        case Const(value):
-            if value is not positive:
-                yield FALSE
-        case And(parts) if positive:
-            for part in parts:
-                yield from conjuncts(part)
-        case Or(parts) if not positive:
-            for part in parts:
-                yield from conjuncts(part, False)
-        case _:
-            yield expr if positive else negation(expr)
 
 
 def narrow(parts: Iterable[Expr], sets: Sets) -> Sets | None:

@@ -120,16 +120,24 @@ def equality(left: Expr, right: Expr) -> Expr:
     return TRUE if left == right else Equal(left, right)
 
 
-def conjuncts(expr: Expr) -> Iterator[Expr]:
-    """What all has to hold for the expression to hold, looking into predicates too."""
+def conjuncts(expr: Expr, positive: bool = True) -> Iterator[Expr]:
+    """Parts that all have to hold for `expr` to be `positive`; none if it always is."""
     match expr:
-        case And(parts):
+        case Named(_, part):
+            yield from conjuncts(part, positive)
+        case Not(part):
+            yield from conjuncts(part, not positive)
+        case Const(value):
+            if value is not positive:
+                yield FALSE
+        case And(parts) if positive:
             for part in parts:
                 yield from conjuncts(part)
-        case Named(_, part) if isinstance(part, And | Named):
-            yield from conjuncts(part)
+        case Or(parts) if not positive:
+            for part in parts:
+                yield from conjuncts(part, False)
         case _:
-            yield expr
+            yield expr if positive else negation(expr)
 
 
 def _merged(parts: Iterable[Expr], kind: type[And] | type[Or], unit: Const) -> tuple[Expr, ...]:

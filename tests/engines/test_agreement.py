@@ -14,7 +14,7 @@ from smv_planner.planner.deorder import proposals
 from smv_planner.problem import NotWithin, Problem, Reached, Unreachable, Verdict
 
 LIMITS = Limits(deadline=120, memory=4 << 30, progress=lambda text: None)
-QUICK, THOROUGH = 200, 1000
+QUICK, THOROUGH = 200, 2000
 PORTION = 25
 """Questions per test, so that the work can be shared among cores."""
 

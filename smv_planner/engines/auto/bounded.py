@@ -10,11 +10,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from smv_planner.engines.auto.grounding import Action, Ground, alternatives, conjuncts
+from smv_planner.engines.auto.grounding import Action, Ground, alternatives
 from smv_planner.engines.sat import Clauses, Coding, Literals
 from smv_planner.model.domains import Value
-from smv_planner.model.expressions import Expr, Var, conjunction, variables_of
-from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Both, Either, Formula, Next, Release, Until, all_of, atoms
+from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, variables_of
+from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Both, Either, Formula, Next, Release, Until, all_of, atoms, counts_steps
 from smv_planner.model.system import Invariant, System
 from smv_planner.problem import Problem, Reached
 
@@ -191,19 +191,9 @@ def visible(problem: Problem) -> frozenset[str] | None:
     if len(problem.goals) == 1 and problem.goals[0].until == ALWAYS_TRUE:
         return frozenset()
     formulas = [Until(goal.until, Atom(goal.predicate)) for goal in problem.goals]
-    if any(_looks_ahead(formula) for formula in formulas):
+    if any(counts_steps(formula) for formula in formulas):
         return None
     return frozenset().union(*(variables_of(predicate) for formula in formulas for predicate in atoms(formula)))
-
-
-def _looks_ahead(formula: Formula) -> bool:
-    match formula:
-        case Atom():
-            return False
-        case Next():
-            return True
-        case Both(left, right) | Either(left, right) | Until(left, right) | Release(left, right):
-            return _looks_ahead(left) or _looks_ahead(right)
 
 
 def swappable(of: Ground, seen: frozenset[str] | None) -> list[tuple[int, int]]:

@@ -13,9 +13,10 @@ from heapq import heappop, heappush
 from itertools import count
 
 from smv_planner.engines.auto.bounded import Layer, question, step, value_in
-from smv_planner.engines.auto.grounding import Ground, alternatives, conjuncts
+from smv_planner.engines.auto.grounding import Ground, alternatives
 from smv_planner.engines.sat import Clauses, Coding
 from smv_planner.model.domains import Value
+from smv_planner.model.expressions import conjuncts
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
 from smv_planner.problem import Clause, Inductive, Problem
 

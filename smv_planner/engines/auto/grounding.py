@@ -19,10 +19,9 @@ from smv_planner.model.expressions import (
     And,
     Const,
     Expr,
-    Named,
-    Not,
     Or,
     Var,
+    conjuncts,
     disjunction,
     equality,
     meaning,
@@ -230,26 +229,6 @@ def _actions(system: System, transition: Transition) -> Iterator[Action]:
         assigned = {**fixed, **{name: Const(value) for name, value in zip(free, choice, strict=True)}}
         changes = disjunction(negation(equality(Var(name), value)) for name, value in assigned.items())
         yield Action(transition, tuple(dict.fromkeys((*fires, *conjuncts(changes)))), assigned)
-
-
-def conjuncts(expr: Expr, positive: bool = True) -> Iterator[Expr]:
-    """Parts that all have to hold for `expr` to be `positive`; none if it always is."""
-    match expr:
-        case Named(_, part):
-            yield from conjuncts(part, positive)
-        case Not(part):
-            yield from conjuncts(part, not positive)
-        case Const(value):
-            if value is not positive:
-                yield FALSE
-        case And(parts) if positive:
-            for part in parts:
-                yield from conjuncts(part)
-        case Or(parts) if not positive:
-            for part in parts:
-                yield from conjuncts(part, False)
-        case _:
-            yield expr if positive else negation(expr)
 
 
 def alternatives(expr: Expr) -> tuple[Expr, ...]:

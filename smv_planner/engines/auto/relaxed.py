@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from smv_planner.engines.auto.grounding import Ground, conjuncts
+from smv_planner.engines.auto.grounding import Ground
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     And,
@@ -24,6 +24,7 @@ from smv_planner.model.expressions import (
     Not,
     Or,
     Plus,
+    conjuncts,
     meaning,
 )
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until

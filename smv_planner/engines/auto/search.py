@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
-from smv_planner.engines.auto.grounding import Ground, Truth, View, conjuncts, needs_of, views
-from smv_planner.model.expressions import Expr, Var, conjunction, meaning, variables_of
+from smv_planner.engines.auto.grounding import Ground, Truth, View, needs_of, views
+from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State
 from smv_planner.problem import Exhausted, Problem, Reached
