@@ -36,6 +36,7 @@ from smv_planner.runner.events import (
 from smv_planner.runner.recovery import Planners, recover
 from smv_planner.runner.situation import Situation, Station, at_rest
 from smv_planner.runner.step import step
+from smv_planner.simulate.operator import Operator
 
 Happening = Callable[[], None]
 
@@ -48,6 +49,7 @@ class World:
     planners: Planners
     seed: int = 0
     set: Mapping[str, Value] = field(default_factory=dict)
+    operator: Operator = Operator()
     on_note: Callable[[float, Note], None] = lambda at, note: None
 
     def __post_init__(self) -> None:
@@ -116,10 +118,11 @@ class World:
                 self.later(0.05, lambda: self.happen(Answered(self.at, revision, decision)))
             case Instruct(request_id, transition, _):
                 self.note(Note("instruct", output.text, {"transition": transition, "request": request_id}))
-                self.later(3.0, lambda: self.operator_does(request_id, transition))
+                self.later(self.operator.delay, lambda: self.operator_does(request_id, transition))
             case Consent(request_id, text):
                 self.note(Note("consent", text, {"request": request_id}))
-                self.later(2.0, lambda: self.order(Approve(request_id)))
+                if self.operator.agrees:
+                    self.later(2.0, lambda: self.order(Approve(request_id)))
             case Withdraw(request):
                 self.note(Note("withdraw", request))
             case Note():
@@ -132,11 +135,14 @@ class World:
     def operator_does(self, request: str, transition: str) -> None:
         if request not in self.situation.wishes:
             return
-        world = self.truth()
-        maintenance = self.station.system.transition[transition]
-        for name, emulator in self.hubs.items():
-            self.hubs[name] = emulators.perform(emulator, maintenance, world)
-        self.later(0.5, lambda: self.order(Confirm(request)))
+        self.operator, done, confirmed = self.operator.asked(transition)
+        if done:
+            world = self.truth()
+            maintenance = self.station.system.transition[transition]
+            for name, emulator in self.hubs.items():
+                self.hubs[name] = emulators.perform(emulator, maintenance, world)
+        if confirmed:
+            self.later(0.5, lambda: self.order(Confirm(request)))
 
     # --- the hubs
 

@@ -1,0 +1,30 @@
+"""The operator of a simulated station: what it takes, and whether what was asked for is done before it is confirmed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+from smv_planner.emulation.behaviour import Times, fewer
+
+
+@dataclass(frozen=True, slots=True)
+class Operator:
+    """Does what is asked `delay` seconds later, confirms half a second after that, and agrees to everything.
+
+    `ignores` are maintenance transitions that do not get done, `pretends` those that are confirmed all the same; so many
+    times. One who does not `agree` leaves every question open.
+    """
+
+    delay: float = 3.0
+    ignores: Mapping[str, Times] = field(default_factory=dict)
+    pretends: Mapping[str, Times] = field(default_factory=dict)
+    agrees: bool = True
+
+    def asked(self, transition: str) -> tuple[Operator, bool, bool]:
+        """The operator from now on, whether the work gets done, and whether it is confirmed."""
+        if transition in self.ignores:
+            return replace(self, ignores=fewer(self.ignores, transition)), False, False
+        if transition in self.pretends:
+            return replace(self, pretends=fewer(self.pretends, transition)), False, True
+        return self, True, True
