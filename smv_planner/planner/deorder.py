@@ -8,25 +8,47 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from smv_planner.check.order import Order, blocks
+from smv_planner.check.order import Order, blocks, certified
 from smv_planner.model.expressions import variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms
+from smv_planner.model.semantics import judge
+from smv_planner.model.system import Invariant, State
 from smv_planner.problem import Problem, Reached
 
 
 def proposals(problem: Problem, trace: Reached) -> Iterator[Order]:
     """Partial orders to try, loosest first. Two steps stay in order if one writes what the other uses, or both write
-    into one formula; if that is not enough, also if both write into one invariant, or into one automatic guard."""
+    into one formula; if that is not enough, also if both write into one automatic guard, or into one of the invariants that
+    the looser orders violate."""
     footprints = [Footprint(t.assigned, t.used) for t in (problem.system.transition[name] for name in trace.path)]
     formulas = _formulas(problem)
     invariants = [variables_of(invariant.predicate) for invariant in problem.allowed]
     automatic = [variables_of(t.guard) for t in problem.usable if t.kind.automatic]
     tried: list[Order] = []
-    for together in (formulas, formulas + invariants, formulas + automatic, formulas + invariants + automatic):
-        order = _order(problem, trace, footprints, together)
+
+    def untried(watched: Sequence[frozenset[str]]) -> Iterator[Order]:
+        order = _order(problem, trace, footprints, watched)
         if order not in tried:
             tried.append(order)
             yield order
+
+    watched, guards, left = formulas, automatic, list(zip(problem.allowed, invariants, strict=True))
+    adding = True
+    while adding:
+        yield from untried(watched)
+        visited = certified(problem, trace, tried[-1])  # it was refused: does it go wrong, or where it should not go?
+        if visited is None:
+            added, guards = guards, []
+        else:
+            added = [read for one, read in left if not _holds(problem, one, visited)]
+            left = [(one, read) for one, read in left if read not in added]
+        watched, adding = watched + added, bool(added)
+    for together in (formulas + invariants, formulas + invariants + automatic):
+        yield from untried(together)
+
+
+def _holds(problem: Problem, invariant: Invariant, states: Iterable[State]) -> bool:
+    return all(map(judge(problem.system, invariant.predicate), states))
 
 
 def disjoint(problem: Problem, trace: Reached, variables: Mapping[str, frozenset[str]]) -> Iterator[Order]:

@@ -42,3 +42,16 @@ def test_a_whole_engine_is_planned_stage_by_stage(engine: str) -> None:
     assert stages[: len(STORY)] == STORY
     assert set().union(*stages[len(STORY) :]) == {*(f"tighten_filter_{i}" for i in range(1, 4)), "send_engine", "send_kit"}
     assert all(stage.last - stage.first <= 17 for stage in got.stages)
+
+
+def test_vehicles_come_while_the_robot_takes_its_tool() -> None:
+    """Some invariants keep steps in order; those that speak of vehicles need not."""
+    got = answer(CASES["engine_line"]["get_ready"], LINE)
+    before: dict[int, set[int]] = {}
+    for step in got.steps:
+        before[step.index] = set(step.after).union(*(before[other] for other in step.after))
+    lanes = [{s.index for s in got.steps if s.transition.startswith(name)} for name in ("agv.", "mir.", ("robot.", "connector."))]
+    assert all(lanes)
+    for lane in lanes:
+        others = set().union(*(other for other in lanes if other is not lane))
+        assert all(before[at].isdisjoint(others) for at in lane)
