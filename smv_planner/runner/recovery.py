@@ -63,8 +63,10 @@ class _Recovery:
             if kept:
                 return self.going_on(request.executing, request.course, kept)
         executing, course = request.executing, request.course
+        if not request.wanted:
+            return self.ask_for_help() if request.given_up else self.going_on((), None, None)
         if course is not None and not self.leads_on(course, executing):
-            course, executing = None, executing
+            course = None
         wanted = request.wanted
         while True:
             if course is None:
@@ -113,7 +115,9 @@ class _Recovery:
         if trace is None:
             return None
         checked = check_plan(problem, trace, proposals(problem, trace))
-        return Following(checked, following.purpose, lifted=following.lifted) if isinstance(checked, CheckedPlan) else None
+        if not isinstance(checked, CheckedPlan):
+            return None
+        return Following(checked, following.purpose, lifted=following.lifted, operations=tuple(executing))
 
     def going_on(self, executing: Sequence[Execution], course: Course | None, following: Following | None) -> Decision:
         return Decision(
@@ -213,7 +217,7 @@ class _Recovery:
             result = decide(problem, self.planners.solve)
             if isinstance(result, CheckedPlan):
                 self.note(self.transitions(), result, _named(together), began)
-                return self.going_on(together, now, Following(result))
+                return self.going_on(together, now, Following(result, operations=together))
             if not result.decided:
                 return self.undecided(result)
             sets = goals_to_blame(problem, result, self.planners.solve)
@@ -265,14 +269,13 @@ class _Recovery:
             if isinstance(result, CheckedPlan):
                 system = result.problem.system
                 asked = sum(system.transition[name].kind is Kind.MAINTENANCE for name in result.trace.path)
-                found.append((asked, Following(result, Purpose.MAINTENANCE), execution))
+                found.append((asked, Following(result, Purpose.MAINTENANCE, operations=(execution,)), execution))
             elif not result.decided:
                 undecided = result
         if found:
             _, following, execution = min(found, key=lambda way: (way[0], len(way[1].plan.trace.path)))
             self.note("TP w/MT", following.plan, _named([execution]), began)
-            decision = self.going_on([execution], Course(OperationPlan((), ())), following)
-            return replace(decision, failed={name: why for name, why in self.failed.items() if name != execution.task.name})
+            return self.going_on([execution], Course(OperationPlan((), ())), following)
         if undecided:
             return self.undecided(undecided)
         why = "; ".join(f"'{intention}': {reason}" for intention, reason in self.given_up.items())

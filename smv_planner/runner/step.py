@@ -128,7 +128,7 @@ class _Turn:
             not_before=at,
             recheck=bool(self.now.failed),
         )
-        self.withdraw_all()
+        self.keep_wishes(None)
         self.note("began", f"planner {planner} listens", planner=planner)
 
     def take_over(self) -> None:
@@ -178,7 +178,7 @@ class _Turn:
             self.note("joining", f"epoch {now.epoch + 1}: '{view.state.planner}' claims {now.epoch}", epoch=now.epoch + 1)
             return True
         self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)
-        self.withdraw_all()
+        self.keep_wishes(None)
         text = f"planner {view.state.planner} has taken over with epoch {view.state.epoch}; nothing is sent any more"
         self.note("alarm", text, planner=view.state.planner, epoch=view.state.epoch)
         return True
@@ -417,6 +417,7 @@ class _Turn:
             case Pause(name) if name in self.now.intentions:
                 if self.now.intentions[name].status is Status.EXECUTING:
                     self.pursue(name, replace(self.now.intentions[name], status=Status.PAUSED))
+                    self.set(course=None)
                     self.need(Cause.CHANGED)
             case Cancel(name):
                 self.cancel(name)
@@ -444,6 +445,7 @@ class _Turn:
         if name in self.now.intentions:
             if self.now.intentions[name].status is not Status.INITIAL:
                 self.pursue(name, Pursuit(Status.CANCELLED))
+                self.set(course=None)
                 self.need(Cause.CHANGED)
         elif any(execution.task.operation.name == name for execution in self.now.executing):
             self.set(executing=tuple(e for e in self.now.executing if e.task.operation.name != name), course=None, following=None)
@@ -498,11 +500,18 @@ class _Turn:
     def granted(self, request: str) -> None:
         self.set(wishes={name: wish for name, wish in self.now.wishes.items() if name != request})
 
-    def withdraw_all(self, keep: tuple[WishKind, ...] = ()) -> None:
+    def keep_wishes(self, following: Following | None) -> None:
+        """What the operator was asked for stays asked if the new plan has it too; the rest is withdrawn."""
+        kept = {}
+        steps = {following.plan.trace.path[at]: at for at in reversed(_remaining(following))} if following else {}
         for request, wish in self.now.wishes.items():
-            if wish.kind not in keep:
+            if wish.kind is WishKind.RETRY:
+                kept[request] = wish
+            elif wish.kind is WishKind.MAINTENANCE and wish.transition in steps:
+                kept[request] = replace(wish, step=steps[wish.transition])
+            else:
                 self.out.append(Withdraw(request))
-        self.set(wishes={request: wish for request, wish in self.now.wishes.items() if wish.kind in keep})
+        self.set(wishes=kept)
 
     def confirm(self, request: str) -> None:
         """Done, says the operator. Confirming twice, or what is no longer wanted, changes nothing."""
@@ -637,7 +646,7 @@ class _Turn:
 
     def adopt(self, decision: Decision) -> None:
         """Follow a decision."""
-        self.withdraw_all(keep=(WishKind.RETRY,))
+        self.keep_wishes(decision.following)
         self.fail(decision.failed)
         for name, why in decision.given_up.items():
             self.pursue(name, replace(self.now.intentions[name], status=Status.ERROR, reason=why))
