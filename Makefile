@@ -33,7 +33,7 @@ test-long: lint ## lint, then all tests, also those that take minutes
 	$(PYTEST) -m "long or not long"
 
 bench: setup ## measure engines and checks on the questions that they are judged by
-	$(BIN)/python tests/bench/bench.py
+	$(BIN)/python -m tests.bench.bench
 
 lint: setup ## ruff, mypy and the import contracts; runs all three, fails if one does
 	@failed=; for check in "ruff check ." "mypy" "lint-imports"; do \
