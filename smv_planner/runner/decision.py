@@ -67,7 +67,7 @@ class Course:
 
 @dataclass(frozen=True, slots=True)
 class Following:
-    """A transition plan that is being followed; `done` are its steps so far.
+    """A transition plan that is being followed, and the operations it was made for; `done` are its steps so far.
 
     `lifted` are invariants it was made without, `approved` the steps that the operator has agreed to.
     """
@@ -77,6 +77,7 @@ class Following:
     done: frozenset[int] = frozenset()
     lifted: frozenset[str] = frozenset()
     approved: frozenset[int] = frozenset()
+    operations: tuple[Execution, ...] = ()
 
     @property
     def finished(self) -> bool:
