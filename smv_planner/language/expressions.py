@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple, cast
-
-if TYPE_CHECKING:
-    from lark import Token, Tree
+from typing import Literal, NamedTuple, cast
 
 from smv_planner.language.document import LARGEST
-from smv_planner.language.grammar import MAX_DEPTH, NotRead, parse, span
+from smv_planner.language.grammar import MAX_DEPTH, Node, NotRead, Token, Tree, parse, span
 from smv_planner.language.reader import bare, closest, shorten
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import FALSE, And, Const, Equal, Expr, Less, Minus, Named, Not, Or, Plus, Var, parts_of
@@ -131,10 +128,6 @@ class Asking:
         """A part of the expression as its author wrote it."""
         start, end = span(node)
         return f"'{shorten(self.text[start:end])}'"
-
-
-if TYPE_CHECKING:
-    Node = Tree[Token] | Token
 
 
 def predicate_of(asking: Asking) -> Typed | None:
@@ -529,7 +522,7 @@ def _compared(
     return None
 
 
-def _sum(node: Tree[Token], asking: Asking) -> Typed | None:
+def _sum(node: Tree, asking: Asking) -> Typed | None:
     first, *rest = node.children
     whole = _number(first, asking)
     for sign, each in zip(rest[::2], rest[1::2], strict=True):
@@ -541,7 +534,7 @@ def _sum(node: Tree[Token], asking: Asking) -> Typed | None:
     return whole
 
 
-def _minus(node: Tree[Token], asking: Asking) -> Typed | None:
+def _minus(node: Tree, asking: Asking) -> Typed | None:
     part = _number(node.children[1], asking)
     if part is not None and isinstance(part.expr, Const):
         value = -cast(int, part.expr.value)

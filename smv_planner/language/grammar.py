@@ -1,18 +1,16 @@
-"""The grammar of expressions and formulas: text -> lark tree, with messages for people.
+"""The grammar of expressions and formulas: text -> tree, with messages for people.
 
 Nothing is looked up here. The tokens are cut by hand, because what a name may look like and whether `G` is an operator
-depend on more than a character; lark's LALR tables, built at the first use, do the rest. Neither recurses.
+depend on more than a character. The tree is built in one pass over them with a stack of what has begun, so nothing
+recurses. The grammar is written down in tests/language/test_grammar.py, where lark holds this parser to it: to import lark
+and to build its tables would take longer than to read a scenario.
 """
 
 from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from functools import cache
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from lark import Lark, Token, Tree
+from dataclasses import dataclass
 
 from smv_planner.language.document import LARGEST, MAX_NAME, NAME, NAME_RULE
 
@@ -20,22 +18,14 @@ MAX_LENGTH = 100_000
 MAX_TOKENS = 20_000
 MAX_DEPTH = 64
 
-_GRAMMAR = """
-?implies: iff (_IMPLIES iff)*
-?iff: either (_IFF either)*
-?either: both (_OR both)*
-?both: until (_AND until)*
-?until: temporal (BINARY temporal)*
-?temporal: comparison | pure
-?pure: TEMPORAL temporal -> later | _NOT pure -> negation
-?comparison: member (COMPARE member)*
-?member: sum | sum _IN _LBRACE unary (_COMMA unary)* _RBRACE
-?sum: unary ((PLUS | MINUS) unary)*
-?unary: atom | _NOT unary -> negation | MINUS unary -> minus
-?atom: NAME | BACKTICKED | QUOTED | NUMBER | BOOLEAN | _LPAR implies _RPAR
-%declare _IMPLIES _IFF _OR _AND _NOT _IN BINARY TEMPORAL COMPARE PLUS MINUS
-%declare _LBRACE _RBRACE _COMMA _LPAR _RPAR NAME BACKTICKED QUOTED NUMBER BOOLEAN
-"""
+_JOINS = {
+    "_IMPLIES": (1, "implies"), "_IFF": (2, "iff"), "_OR": (3, "either"), "_AND": (4, "both"), "BINARY": (5, "until"),
+    "COMPARE": (7, "comparison"), "PLUS": (9, "sum"), "MINUS": (9, "sum"),
+}  # fmt: skip
+"""How tightly operators bind, and what they make of all that stands between those of one tightness."""
+
+_BRACKET, _PREFIXED_LATER, _MEMBER, _PREFIXED = 0, 6, 8, 10
+"""How tightly what is no such operator binds: `G` takes comparisons with it, `not` and the sign one operand."""
 
 _SIGNS = {
     "<->": "_IFF", "->": "_IMPLIES", "==": "COMPARE", "!=": "COMPARE", "<=": "COMPARE", ">=": "COMPARE", "<": "COMPARE",
@@ -69,54 +59,150 @@ class NotRead(Exception):
         self.message, self.start, self.end, self.hint = message, start, end, hint
 
 
-def parse(text: str, temporal: bool) -> Tree[Token] | Token:
-    """The tree of an expression, or of a formula if `temporal`. A single operand is its own tree."""
-    from lark import UnexpectedToken
+class Token(str):
+    """A word or sign of the text, of a type, from `start` to `end`."""
 
+    __slots__ = ("end", "start", "type")
+
+    type: str
+    start: int
+    end: int
+
+    def __new__(cls, type: str, text: str, start: int, end: int) -> Token:
+        token = super().__new__(cls, text)
+        token.type, token.start, token.end = type, start, end
+        return token
+
+
+@dataclass(frozen=True, slots=True)
+class Tree:
+    """Part of an expression: what kind, of what. Of the operators those are children that could be others."""
+
+    data: str
+    children: list[Tree | Token]
+
+
+Node = Tree | Token
+
+
+def parse(text: str, temporal: bool) -> Node:
+    """The tree of an expression, or of a formula if `temporal`. A single operand is its own tree."""
     tokens = list(_tokens(text, temporal))
     if not tokens:
         raise NotRead("expected an expression, but there is nothing", 0, len(text))
-    if len(tokens) == 1 and tokens[0].type in _OPERANDS:
-        return tokens[0]
     try:
-        tree: Tree[Token] | Token = _lark().parse(tokens)
-    except UnexpectedToken as error:
-        raise _syntax(tokens, error.token, error.accepts or error.expected, temporal) from None
+        tree = tree_of(tokens)
+    except Unexpected as error:
+        raise _syntax(tokens, error.at, error.wants_operand, temporal) from None
     if _depth(tree) > MAX_DEPTH:
         raise NotRead(f"nested more than {MAX_DEPTH} levels deep", 0, len(text), _SIMPLER)
     return tree
 
 
-def span(node: Tree[Token] | Token) -> tuple[int, int]:
+class Unexpected(Exception):
+    """The token at `at`, or the end, cannot follow on those before it; whether an operand could."""
+
+    def __init__(self, at: int, wants_operand: bool) -> None:
+        super().__init__(at, wants_operand)
+        self.at, self.wants_operand = at, wants_operand
+
+
+@dataclass(slots=True)
+class _Begun:
+    """Something that waits for its last child. `kind` is the kind of tree, or the token type of an open bracket."""
+
+    level: int
+    kind: str
+    children: list[Node]
+
+
+def tree_of(tokens: list[Token]) -> Node:
+    """The tree of a text that is cut already. Raises Unexpected at the first token that nothing after it could make right."""
+    begun: list[_Begun] = []
+    node: Node | None = None  # the operand that has just been read; None where one is wanted
+    last = ""
+    for at, token in enumerate(tokens):
+        node = _operand(begun, token, last, at) if node is None else _operator(begun, node, token, last, at)
+        last = token.type
+    if node is None:
+        raise Unexpected(len(tokens), last != "_IN")
+    node = _ended(begun, node, _BRACKET)
+    if begun:
+        raise Unexpected(len(tokens), wants_operand=False)
+    return node
+
+
+def _operand(begun: list[_Begun], token: Token, last: str, at: int) -> Node | None:
+    """Take a token where an operand is wanted: it is one, or begins one."""
+    match token.type:
+        case "_LBRACE" if last == "_IN":
+            begun.append(_Begun(_BRACKET, "_LBRACE", []))
+        case _ if last == "_IN":
+            raise Unexpected(at, wants_operand=False)
+        case kind if kind in _OPERANDS:
+            return token
+        case "_LPAR":
+            begun.append(_Begun(_BRACKET, "_LPAR", []))
+        case "_NOT":
+            begun.append(_Begun(_PREFIXED, "negation", []))
+        case "MINUS":
+            begun.append(_Begun(_PREFIXED, "minus", [token]))
+        case "TEMPORAL" if _may_be_timed(begun):
+            begun.append(_Begun(_PREFIXED_LATER, "later", [token]))
+        case _:
+            raise Unexpected(at, wants_operand=True)
+    return None
+
+
+def _operator(begun: list[_Begun], node: Node, token: Token, last: str, at: int) -> Node | None:
+    """Take a token that follows on an operand: it joins that to another one, or closes a bracket."""
+    kind = token.type
+    level, joined = (_MEMBER, "member") if kind == "_IN" else _JOINS.get(kind, (_BRACKET, ""))
+    node = _ended(begun, node, level)
+    bracket = begun[-1].kind if begun and begun[-1].level == _BRACKET else ""
+    if joined and bracket != "_LBRACE" and not (last == "_RBRACE" and level >= _MEMBER):
+        if not begun or begun[-1].level != level:
+            begun.append(_Begun(level, joined, []))
+        begun[-1].children += [node] if kind.startswith("_") else [node, token]
+        return None
+    match kind, bracket:
+        case "_RPAR", "_LPAR":
+            begun.pop()
+            return node
+        case "_COMMA", "_LBRACE":
+            begun[-1].children.append(node)
+            return None
+        case "_RBRACE", "_LBRACE":
+            values = [*begun.pop().children, node]
+            return Tree("member", [*begun.pop().children, *values])
+    raise Unexpected(at, wants_operand=False)
+
+
+def _ended(begun: list[_Begun], node: Node, level: int) -> Node:
+    """The operand, after all that binds more tightly than `level` has ended with it."""
+    while begun and begun[-1].level > level:
+        ended = begun.pop()
+        node = Tree(ended.kind, [*ended.children, node])
+    return node
+
+
+def _may_be_timed(begun: list[_Begun]) -> bool:
+    """Whether a temporal operator may stand here: not below a comparison, a sum or a sign."""
+    outer = next((each for each in reversed(begun) if each.kind != "negation"), None)
+    return outer is None or (outer.kind != "_LBRACE" and outer.level <= _PREFIXED_LATER)
+
+
+def span(node: Node) -> tuple[int, int]:
     """Where a part of an expression starts and ends, parentheses around it apart."""
     first, last = node, node
     while not isinstance(first, str):
         first = first.children[0]
     while not isinstance(last, str):
         last = last.children[-1]
-    return first.start_pos or 0, last.end_pos or 0
-
-
-@cache
-def _lark() -> Lark:
-    from lark import Lark
-    from lark.lexer import Lexer
-
-    class Cut(Lexer):
-        """Passes on tokens that are cut already."""
-
-        def __init__(self, conf: object) -> None:
-            pass
-
-        def lex(self, tokens: Any, *_: Any) -> Iterator[Token]:
-            return iter(tokens)
-
-    return Lark(_GRAMMAR, start="implies", parser="lalr", lexer=Cut)
+    return first.start, last.end
 
 
 def _tokens(text: str, temporal: bool) -> Iterator[Token]:
-    from lark import Token
-
     if len(text) > MAX_LENGTH:
         raise NotRead(f"the expression is longer than {MAX_LENGTH} characters", 0, len(text))
     keywords = _WORDS | _TEMPORAL if temporal else _WORDS
@@ -130,7 +216,7 @@ def _tokens(text: str, temporal: bool) -> Iterator[Token]:
             kind = _kind_of(word, start, end)
         if kind == "other" or (kind == "BACKTICKED" and not _NAME.fullmatch(word[1:-1])):
             raise _odd(word, start, end)
-        yield Token(kind, word, start, end_pos=end)
+        yield Token(kind, word, start, end)
         count += 1
         depth += (kind in ("_LPAR", "_LBRACE")) - (kind in ("_RPAR", "_RBRACE"))
         prefixes = prefixes + 1 if kind in ("_NOT", "MINUS", "TEMPORAL") else 0
@@ -168,16 +254,15 @@ def _odd(word: str, start: int, end: int) -> NotRead:
     return NotRead(f"unexpected '{word}'" if word.isprintable() else f"unexpected character U+{ord(word):04X}", start, end, hint)
 
 
-def _syntax(tokens: list[Token], wrong: Token, expected: Any, temporal: bool) -> NotRead:
-    """What people would call the mistake at the token `wrong`, before which everything was right."""
-    at = next((n for n, token in enumerate(tokens) if token is wrong), len(tokens))
+def _syntax(tokens: list[Token], at: int, wants_operand: bool, temporal: bool) -> NotRead:
+    """What people would call the mistake at a token, before which everything was right."""
+    wrong = tokens[at] if at < len(tokens) else None
     before = tokens[at - 1] if at else None
-    ended = at == len(tokens)
-    start, end = (tokens[-1].end_pos or 0, (tokens[-1].end_pos or 0) + 1) if ended else (wrong.start_pos or 0, wrong.end_pos or 0)
-    found = "" if ended else f", not '{wrong}'"
+    start, end = (tokens[-1].end, tokens[-1].end + 1) if wrong is None else (wrong.start, wrong.end)
+    found = "" if wrong is None else f", not '{wrong}'"
     after = f" after '{before}'" if before else ""
-    hint = _hint(before, None if ended else wrong, temporal)
-    if "NAME" in expected:
+    hint = _hint(before, wrong, temporal)
+    if wants_operand:
         if before and before.type in ("COMPARE", "PLUS", "MINUS", "_LBRACE", "_COMMA"):
             what = "a value"
         else:
@@ -188,13 +273,13 @@ def _syntax(tokens: list[Token], wrong: Token, expected: Any, temporal: bool) ->
     if before is not None and before.type == "_IN":
         return NotRead(f"expected '{{' after 'in'{found}", start, end, "write in {a, b}")
     unclosed = _unclosed(tokens[:at])
-    if ended and unclosed:
-        return NotRead(f"this '{unclosed}' is never closed", unclosed.start_pos or 0, unclosed.end_pos or 0)
-    if not ended and wrong.type in _CLOSES and (not unclosed or unclosed.type != _CLOSES[wrong.type][1]):
+    if wrong is None and unclosed:
+        return NotRead(f"this '{unclosed}' is never closed", unclosed.start, unclosed.end)
+    if wrong is not None and wrong.type in _CLOSES and (not unclosed or unclosed.type != _CLOSES[wrong.type][1]):
         return NotRead(f"there is no '{_CLOSES[wrong.type][0]}' before this '{wrong}'", start, end)
     if unclosed and unclosed.type == "_LBRACE":
         return NotRead(f"expected ',' or '}}'{after}{found}", start, end)
-    if not ended and (wrong.type in _OPERANDS or wrong.type in ("_NOT", "TEMPORAL", "_LPAR")):
+    if wrong is not None and (wrong.type in _OPERANDS or wrong.type in ("_NOT", "TEMPORAL", "_LPAR")):
         return NotRead(f"expected an operator between '{before}' and '{wrong}'", start, end, hint)
     return NotRead(f"'{wrong}' cannot stand{after}", start, end, hint)
 
@@ -220,9 +305,9 @@ def _unclosed(tokens: list[Token]) -> Token | None:
     return open_[-1] if open_ else None
 
 
-def _depth(tree: Any) -> int:
+def _depth(tree: Node) -> int:
     depth, level = 0, [tree]
     while level:
         depth += 1
-        level = [child for node in level if not isinstance(node, str) for child in node.children]
+        level = [child for node in level if isinstance(node, Tree) for child in node.children]
     return depth
