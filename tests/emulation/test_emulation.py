@@ -220,6 +220,15 @@ def test_what_cannot_happen_does_not_happen_instead():
     assert cell.wait(10) == {"door.pos": "closed", "door.locked": True}
 
 
+def test_nothing_happens_instead_of_what_was_called_off():
+    """The robot leaves the bolt before the torque is due, and nobody looks at the nutrunner meanwhile."""
+    told = Behaviour(instead={"nutrunner.torque": Instead("nutrunner.fails")})
+    device, on_bolt = devices.emulated(STATION.system, "nutrunner", told), {"r1.ref_pos": "at_bolt_1", "r1.act_pos": "at_bolt_1"}
+    device = devices.react(device, {**on_bolt, "nutrunner.run_c": True}, 0.0, Draw(1))
+    assert devices.react(device, {**on_bolt, "nutrunner.run_c": True}, 20.0, Draw(1)).measured["nutrunner.fail_m"]
+    assert not devices.react(device, {"nutrunner.run_c": True}, 20.0, Draw(1)).measured["nutrunner.fail_m"]
+
+
 @pytest.mark.parametrize(
     ("camera", "share"),
     [
@@ -334,6 +343,15 @@ def test_a_forsaken_device_moves_to_its_safe_values():
     assert cell.wait(4) == {"door.pos": "closed", "door.locked": True}
 
 
+def test_a_device_obeys_its_hub_whatever_the_world_believes():
+    safe = Safe({"door.lock": False}, after=0.5)
+    hub = emulators.start(DOOR.system, interfaces(DOOR, "c")["door"], "boot-1", 0.0, deadman=safe)
+    for at in (0.6, 1.2):
+        hub = emulators.advance(hub, {"door.lock": True}, at, Draw(1))
+    assert hub.hub.forsaken
+    assert hub.device.measured["door.locked"] is False
+
+
 def test_an_old_planner_moves_no_device():
     cell = Cell(DOOR)
     cell.tell(door__lock=False)
@@ -365,6 +383,34 @@ def test_a_person_moves_a_robot_while_another_device_stays_as_it_is():
         cell.hubs[name] = hub
     after = cell.wait(PERIOD)
     assert (after["r1.act_pos"], after["r1.moving"], after["r1_connector.attached"]) == ("home", False, False)
+
+
+def test_a_person_cannot_bring_about_what_cannot_be_measured():
+    model = sp.loads("""
+smv_planner: 1
+name: magazine
+resources:
+  magazine:
+    variables:
+      ask:   {kind: goal,     domain: bool,             initial: false}
+      parts: {kind: measured, domain: {min: 0, max: 2}, initial: 1}
+    transitions:
+      eject: {kind: controlled, guard: not ask, actions: {ask: true}}
+      falls: {kind: effect, guard: ask and parts > 0, actions: {parts: parts - 1}, within: 1 s}
+      fill:  {kind: maintenance, actions: {parts: parts + 1}, instruction: "Add a part and acknowledge."}
+""")
+    device, fill = devices.emulated(model.system, "magazine"), model.system.transition["magazine.fill"]
+    found = []
+    for _ in range(3):
+        found.append(device.measured["magazine.parts"])
+        device = devices.perform(device, fill, {})
+    assert found == [1, 2, 2]
+    at = 0.0
+    while device.begun or not at:  # an effect that may happen again does, part by part
+        device = devices.react(device, {"magazine.ask": True}, at, Draw(1))
+        at = min(device.due, at + 1)
+    assert device.measured["magazine.parts"] == 0
+    assert device.began == 2
 
 
 @pytest.mark.parametrize(

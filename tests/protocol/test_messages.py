@@ -173,7 +173,13 @@ def test_a_value_that_is_deep_is_refused_before_it_is_parsed():
 def test_nothing_was_accepted_before_the_first_epoch():
     none = replace(STATE, epoch=0, goal_seq=0, planner="")
     assert decode_state(encode(none), GATE) == none
-    for mixed in (replace(none, goal_seq=1), replace(none, planner="a"), replace(none, epoch=1), replace(STATE, planner="")):
+    for mixed in (
+        replace(none, goal_seq=1),
+        replace(none, planner="a"),
+        replace(none, epoch=1),
+        replace(STATE, planner=""),
+        replace(STATE, goal_seq=0),
+    ):
         assert isinstance(decode_state(encode(mixed), GATE), Rejected)
 
 

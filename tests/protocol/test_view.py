@@ -84,6 +84,18 @@ def test_repetitions_of_a_dead_process_are_no_persistence():
     assert set(kinds) == {Heard.OLD_BOOT}
 
 
+def test_two_dead_processes_do_not_insist_together():
+    view, _ = heard(said(100, "dead-1"), said(100, "dead-2"), said(1, "living"))
+    view, kinds = heard(*(said(101 + n // 2, f"dead-{1 + n % 2}") for n in range(10)), view=view)
+    assert set(kinds) == {Heard.OLD_BOOT}
+
+
+def test_of_many_dead_processes_the_last_are_remembered():
+    view, _ = heard(*(said(5, f"boot-{n}") for n in range(2 * MAX_PAST)))
+    view, kinds = heard(said(6, f"boot-{2 * MAX_PAST - 2}"), view=view)
+    assert kinds == [Heard.OLD_BOOT]
+
+
 def test_a_living_hub_is_not_shut_out_by_a_late_message_of_a_dead_one():
     view, kinds = heard(said(7, "living"), said(3, "dead"))
     assert kinds[-1] is Heard.REBOOTED  # nobody can tell
@@ -180,6 +192,7 @@ def test_fencing_needs_our_epoch_echoed_to_us():
     assert fenced(view, 3, "planner-a")
     assert not superseded(view, 3, "planner-a")
     assert not fenced(view, 4, "planner-a")
+    assert not fenced(view, 3, "planner-b")
     assert not superseded(view, 4, "planner-a")  # it has not heard us yet
     assert superseded(view, 3, "planner-b")  # the same epoch, but the other was first
     assert superseded(view, 2, "planner-b")
