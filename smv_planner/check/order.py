@@ -11,7 +11,7 @@ from collections.abc import Sequence
 
 from smv_planner.model.ltl import Monitor, Obligations
 from smv_planner.model.semantics import Steps
-from smv_planner.model.system import Any, State
+from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
 Order = tuple[int, ...]
@@ -96,14 +96,10 @@ def _fire(problem: Problem, steps: Steps, trace: Reached, group: range, state: S
     """The states when a block is fired from `state` with the trace's own choices; None if it goes otherwise there."""
     run = [state]
     for at in group:
-        transition = problem.system.transition[trace.path[at]]
-        chosen = [problem.system.index[a.variable] for a in transition.actions if isinstance(a.value, Any)]
-        for other, after in steps(run[-1]):
-            if other is transition and all(after[i] == trace.states[at + 1][i] for i in chosen):
-                run.append(after)
-                break
-        else:
+        after = steps.again(run[-1], problem.system.transition[trace.path[at]], trace.states[at + 1])
+        if after is None:
             return None
+        run.append(after)
     return run if steps.settled(run[-1]) else None
 
 

@@ -81,6 +81,7 @@ class Steps:
 
     def __init__(self, system: System, usable: Iterable[Transition]) -> None:
         transitions = tuple(usable)
+        self._index = system.index
         self._automatic = [(t, _compiled(system, t)) for t in transitions if t.kind.automatic]
         self._others = [(t, _compiled(system, t)) for t in transitions if not t.kind.automatic]
 
@@ -93,6 +94,24 @@ class Steps:
 
     def settled(self, state: State) -> bool:
         return self.automatic(state) is None
+
+    def settle(self, state: State) -> State:
+        """Where automatic steps lead from a state before anything else happens; the state itself if they never end."""
+        seen, now = {state}, state
+        while step := self.automatic(now):
+            now = step[1]
+            if now in seen:
+                return state
+            seen.add(now)
+        return now
+
+    def again(self, state: State, transition: Transition, once: State) -> State | None:
+        """The state that a transition leads to with the choices by which it led to `once`; None if it cannot come next."""
+        chosen = [self._index[action.variable] for action in transition.actions if isinstance(action.value, Any)]
+        for other, after in self(state):
+            if other is transition and all(after[at] == once[at] for at in chosen):
+                return after
+        return None
 
     def __call__(self, state: State) -> Iterator[Step]:
         """Every possible step, in declared order."""

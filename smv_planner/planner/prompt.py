@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import holds
 from smv_planner.model.semantics import Step, Steps
-from smv_planner.model.system import Any, Kind, State
+from smv_planner.model.system import Kind
 from smv_planner.problem import Problem, Reached
 
 
@@ -54,19 +54,11 @@ class _Replay:
             at, name = self.ahead.popleft()
             if not self.problem.system.transition[name].kind.deliberate:
                 continue  # it has happened by itself, or does not happen any more
-            step = self._deliberate(at)
-            if step is None:
+            after = self.steps.again(self.states[-1], self.problem.system.transition[name], self.trace.states[at + 1])
+            if after is None:
                 return at
-            self.states.append(step)
+            self.states.append(after)
             self._let_happen()
-        return None
-
-    def _deliberate(self, at: int) -> State | None:
-        transition = self.problem.system.transition[self.trace.path[at]]
-        chosen = [self.problem.system.index[a.variable] for a in transition.actions if isinstance(a.value, Any)]
-        for other, after in self.steps(self.states[-1]):
-            if other is transition and all(after[i] == self.trace.states[at + 1][i] for i in chosen):
-                return after
         return None
 
     def _let_happen(self) -> None:
