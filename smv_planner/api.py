@@ -6,7 +6,6 @@ This is the composition root of one-shot planning: the pure planner meets the en
 from __future__ import annotations
 
 import json
-import tempfile
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,15 +19,16 @@ from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.ltl import ALWAYS_TRUE
 from smv_planner.model.model import Intention, Model
+from smv_planner.model.semantics import Steps
 from smv_planner.model.system import System
-from smv_planner.planner import intend, reach
-from smv_planner.planner import second_opinion as opinions
+from smv_planner.planner import reach
 from smv_planner.planner.answer import Answer, Question, SecondOpinion
 from smv_planner.planner.widening import Widened, Widening
 from smv_planner.problem import Goal, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
 
 if TYPE_CHECKING:
     from smv_planner.export.smv import Encoding
+    from smv_planner.planner.second_opinion import Says
 
 DEFAULT_ENGINE = "auto"
 DEFAULT_BOUND = 100
@@ -52,6 +52,7 @@ def plan(
     lift: Iterable[str] = (),
     disable: Iterable[str] = (),
     lose: Iterable[str] = (),
+    ran: Iterable[str] = (),
     engine: str = DEFAULT_ENGINE,
     second_opinion: str | None = None,
     bound: int = DEFAULT_BOUND,
@@ -67,7 +68,8 @@ def plan(
     (section 4.6). With neither: plan the named `intentions`, or all whose start holds, on two levels (section 4).
 
     `lift` names invariants to plan without, `disable` transitions (an effect that timed out) and `lose` resources (a hub
-    that is silent) that a plan may not count on. `deadline` is in seconds, `bound` in steps. `smv` writes what the engine is
+    that is silent) that a plan may not count on. `ran` names operations of prescribed sequences that have run, each as often
+    as it did; without it nothing has. `deadline` is in seconds, `bound` in steps. `smv` writes what the engine is
     asked as SMV text: to a file, or for several questions to numbered files in that folder. Every plan has been
     accepted by the checker, which does not depend on the engine.
 
@@ -88,6 +90,7 @@ def plan(
         lifted=tuple(lift),
         disabled=tuple(disable),
         lost=tuple(lose),
+        ran=tuple(ran),
     )
     ask = _Engine(engine, began + deadline, progress, Path(smv) if smv is not None else None, not (asked.goals or exit_forbidden))
     second = None if second_opinion is None else _Second(ask, second_opinion, deadline, model, command)
@@ -115,6 +118,8 @@ def plan(
         blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
         if not chosen:
             blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
+        from smv_planner.planner import intend
+
         answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound, _briefly), blank)
     # What answers a question with goals is the first verdict; those after it only look for whom to blame.
     arguments = tuple(ask.arguments)[: None if ask.several else 1]
@@ -140,16 +145,26 @@ def start(model: Model, asked: Question) -> reach.Start:
     _check(model, asked)
     state = tuple(asked.settings.get(v.name, v.initial) for v in model.variables)
     held = tuple(w for w in widened(model) if w.declared.name not in asked.lifted)
-    return reach.Start(state, held, frozenset(asked.lifted), asked.maintenance, frozenset(asked.disabled), frozenset(asked.lost))
+    return reach.Start(
+        state=state,
+        widened=held,
+        lifted=frozenset(asked.lifted),
+        maintenance=asked.maintenance,
+        disabled=frozenset(asked.disabled),
+        lost=frozenset(asked.lost),
+        ran=asked.ran,
+    )
 
 
 def active_intentions(model: Model, asked: Question, begin: reach.Start) -> Sequence[Intention]:
-    """The intentions that a question names, or else those whose start holds (Def. 6)."""
+    """The intentions that a question names, or else those whose start holds once the automatic steps that are due have come
+    (Def. 6)."""
     if asked.intentions:
         known = {intention.name: intention for intention in model.intentions}
         _known(asked.intentions, known, "intention")
         return [known[name] for name in asked.intentions]
-    return [i for i in model.intentions if meaning(i.start, model.system.index)(begin.state)]
+    settled = Steps(model.system, model.transitions).settle(begin.state)
+    return [i for i in model.intentions if meaning(i.start, model.system.index)(settled)]
 
 
 @lru_cache(maxsize=16)
@@ -263,21 +278,27 @@ class _Second:
         spent = time.monotonic() - began
         self._left -= spent
         self._first.ends += spent
-        one, two = opinions.Says(self._first.name, verdict), opinions.Says(self._second.name, other)
+        from smv_planner.planner.second_opinion import Agrees, Differs, Says, Silent, compare
+
+        one, two = Says(self._first.name, verdict), Says(self._second.name, other)
         number, agreed = self.opinion.asked, self.opinion.agreed
-        match opinions.compare(one, two):
-            case opinions.Agrees():
+        match compare(one, two):
+            case Agrees():
                 agreed += 1
-            case opinions.Silent(reason):
+            case Silent(reason):
                 self.warnings.append(f"no second opinion on question {number + 1}: {reason}")
-            case opinions.Differs(reason):
+            case Differs(reason):
                 folder = self._keep(problem, reason, one, two)
                 raise EngineError(f"the engines differ: {reason}; '{folder}' holds the question and both answers")
         self.opinion = SecondOpinion(self._second.name, number + 1, agreed)
         return verdict
 
-    def _keep(self, problem: Problem, reason: str, one: opinions.Says, two: opinions.Says) -> Path:
+    def _keep(self, problem: Problem, reason: str, one: Says, two: Says) -> Path:
         """Write what reproduces a difference into a new folder."""
+        import tempfile
+
+        from smv_planner.planner.second_opinion import report
+
         folder = Path(tempfile.mkdtemp(prefix="smv_planner-difference-"))
         encoding = encoded(problem)
         told = {
@@ -285,7 +306,7 @@ class _Second:
             "model": {"name": self._model.name, "hash": self._model.hash},
             "commands": [*filter(None, [self._command]), "NuSMV -source problem.cmd problem.smv"],
             "question": self.opinion.asked + 1,
-            **opinions.report(problem, one, two),
+            **report(problem, one, two),
         }
         (folder / "problem.smv").write_text(encoding.text, encoding="ascii")
         (folder / "problem.cmd").write_text(encoding.script, encoding="ascii")
@@ -309,6 +330,7 @@ def _check(model: Model, asked: Question) -> None:
     _known(asked.lifted, [invariant.name for invariant in model.invariants], "invariant")
     _known(asked.disabled, [transition.name for transition in model.transitions], "transition")
     _known(asked.lost, [resource.name for resource in model.resources], "resource")
+    _known(asked.ran, [operation.name for operation in model.operations], "operation")
 
 
 def _known(names: Iterable[str], known: Iterable[str], what: str) -> None:

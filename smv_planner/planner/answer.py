@@ -25,6 +25,7 @@ class Question:
     lifted: tuple[str, ...] = ()
     disabled: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
+    ran: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,6 +156,7 @@ class Answer:
                 "lifted": list(question.lifted),
                 "disabled": list(question.disabled),
                 "lost": list(question.lost),
+                "ran": list(question.ran),
             },
             "verdict": self.verdict,
             "length": self.length,

@@ -4,7 +4,7 @@ operations are planned again, as the transition runner would."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
@@ -111,10 +111,10 @@ def intend(model: Model, intentions: Sequence[Intention], levels: Levels, blank:
         match stopped:
             case None if not plan.tasks or all(_met(model, intention, progress) for intention in planned):
                 return _judged(model, blank, progress, disabled, intentions, levels)
-            case NoPlan():
-                return without_plan(replace(blank, disabled=tuple(disabled)), stopped)
-            case dict() if stopped:
-                disabled |= stopped
+            case Unanswered(why):
+                return without_plan(replace(blank, disabled=tuple(disabled)), why)
+            case Failed(failed):
+                disabled |= failed
                 progress = first
     circles = f"the operations were planned {REPLANS} times, and each plan undoes what its own operations count on"
     culprits = (tuple(intention.name for intention in intentions),)
@@ -133,15 +133,15 @@ def _settled(model: Model, levels: Levels) -> _Progress | NoPlan:
 
 def _by_hand(model: Model, intention: Intention, sequence: Prescribed, progress: _Progress, levels: Levels) -> _Progress | NoPlan:
     """Carry out a manual sequence as it stands; its intention's goal has to hold in the end."""
-    progress, stopped = _carry_out(model, manual_plan(model, sequence), progress, levels)
+    progress, stopped = _carry_out(model, manual_plan(model, sequence, levels.begin.ran), progress, levels)
     of = f"the manual sequence of '{intention.name}'"
     match stopped:
-        case NoPlan():
-            return stopped
-        case dict() if stopped:
-            name, why = next(iter(stopped.items()))
+        case Unanswered(why):
+            return why
+        case Failed(failed):
+            name, why = next(iter(failed.items()))
             return NoPlan(why.verdict, f"operation '{name}' in {of} cannot be completed: {why.reason}")
-        case dict():
+        case Astray():
             return NoPlan(NotWithin(levels.bound), f"an operation in {of} cannot start where it stands: its guard does not hold")
     if not meaning(intention.goal, model.system.index)(progress.state):
         return NoPlan(NotWithin(levels.bound), f"{of} ends without reaching its goal")
@@ -164,17 +164,35 @@ def _operations_problem(
     model: Model, progress: _Progress, intentions: Sequence[Intention], disabled: frozenset[str], levels: Levels
 ) -> Problem:
     problem = pose_operations(model, progress.state, intentions, disabled, levels.bound)
-    ran = {operation.operation for operation in progress.operations}
+    ran = {*levels.begin.ran, *(operation.operation for operation in progress.operations)}
     allowed = tuple(invariant for invariant in problem.allowed if invariant.name not in levels.begin.lifted)
     return in_order(model, replace(problem, allowed=allowed), constraints(model, intentions), ran)
 
 
-Stopped = dict[str, NoPlan] | NoPlan | None
-"""Why carrying out ended early: tasks that cannot be completed (none: plan the operations again from the state
-reached), or no answer at all; None if it did not."""
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """Tasks that no transition plan can complete, by name."""
+
+    tasks: Mapping[str, NoPlan]
 
 
-def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: Levels) -> tuple[_Progress, Stopped]:
+@dataclass(frozen=True, slots=True)
+class Astray:
+    """The steps lead to a state in which the next operations cannot start; they have to be planned again from there."""
+
+
+@dataclass(frozen=True, slots=True)
+class Unanswered:
+    """Nobody knows whether the operations can be carried out."""
+
+    why: NoPlan
+
+
+Stopped = Failed | Astray | Unanswered
+"""Why carrying out an operation plan ended early."""
+
+
+def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: Levels) -> tuple[_Progress, Stopped | None]:
     """Plan the transitions of every stage of an operation plan."""
     offset = len(progress.operations)
     placed: dict[int, int] = {}  # position in the operation plan -> index in the answer
@@ -184,7 +202,7 @@ def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: L
         stage = waiting.pop(0)
         now = [plan.tasks[at] for at in stage]
         if not all(meaning(task.operation.guard, model.system.index)(progress.state) for task in now):
-            return progress, {}
+            return progress, Astray()
         problem = pose_stage(model, progress.state, now, levels)
         result = decide(problem, levels.solve)
         if isinstance(result, CheckedPlan):
@@ -193,14 +211,14 @@ def _carry_out(model: Model, plan: OperationPlan, progress: _Progress, levels: L
             after = [tuple(sorted(placed[other] for other in others)) for others in waits]
             progress = progress.with_stage(list(zip(now, after, strict=True)), result)
         elif not result.decided:
-            return progress, result
+            return progress, Unanswered(result)
         else:
             sets = goals_to_blame(problem, result, levels.solve)
             if isinstance(sets, NoPlan):
-                return progress, sets
+                return progress, Unanswered(sets)
             failed = [goals[0] for goals in sets if len(goals) == 1]
             if failed:
-                return progress, {now[goal].name: result for goal in failed}
+                return progress, Failed({now[goal].name: result for goal in failed})
             split |= dict(zip(stage[1:], stage, strict=False))
             waiting[:0] = [[at] for at in stage]  # each is possible, together they are not: one after the other
     return progress, None

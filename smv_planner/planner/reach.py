@@ -36,7 +36,8 @@ class Start:
     """Where planning starts, under which widened invariants (without the `lifted` ones), and what may be used.
 
     Maintenance may be asked for or not; `disabled` transitions (an effect that timed out) and those of `lost` resources
-    are not planned on, although they may still happen.
+    are not planned on, although they may still happen. `ran` names operations that have run already, each as often as it
+    did: a prescribed sequence goes on after them.
     """
 
     state: State
@@ -45,6 +46,7 @@ class Start:
     maintenance: bool = False
     disabled: frozenset[str] = frozenset()
     lost: frozenset[str] = frozenset()
+    ran: tuple[str, ...] = ()
 
     def unusable(self, system: System) -> frozenset[str]:
         """What no plan may use, effects that are not expected included."""
@@ -128,9 +130,7 @@ def _asked(problem: Problem, goals: tuple[str, ...], begin: Start) -> Asked:
     return Asked(problem, goals, begin.disabled, begin.lost, unusable)
 
 
-def leave_forbidden(
-    model: Model, begin: Start, bound: int, blank: Answer, solve: Solve, explain: Solve | None = None
-) -> Answer:
+def leave_forbidden(model: Model, begin: Start, bound: int, blank: Answer, solve: Solve, explain: Solve | None = None) -> Answer:
     """Plan the way out of forbidden states (Machines 2021, section 4.6).
 
     The invariants violated now, as widened, are lifted; the goal is that all hold again. Maintenance may be asked for,

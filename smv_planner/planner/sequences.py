@@ -33,10 +33,17 @@ class OperationPlan:
         return [[at for at, own in enumerate(level) if own == stage] for stage in range(max(level, default=-1) + 1)]
 
 
-def manual_plan(model: Model, sequence: Sequence) -> OperationPlan:
-    """A manual sequence as it stands; of several outcomes the first declared is expected."""
+def manual_plan(model: Model, sequence: Sequence, ran: Iterable[str] = ()) -> OperationPlan:
+    """What is left of a manual sequence after operations have run; of several outcomes the first declared is expected."""
+    left = dict(enumerate(sequence.operations))
+    for name in ran:
+        done = next((at for at, other in left.items() if other == name), None)
+        if done is not None:
+            del left[done]
     expected = {task.operation.name: task for task in reversed(tasks(model))}
-    return OperationPlan(tuple(expected[name] for name in sequence.operations), sequence.after)
+    number = {at: new for new, at in enumerate(left)}
+    after = (tuple(number[other] for other in sequence.after[at] if other in number) for at in left)
+    return OperationPlan(tuple(expected[name] for name in left.values()), tuple(after))
 
 
 def constraints(model: Model, intentions: Iterable[Intention]) -> tuple[Sequence, ...]:

@@ -148,6 +148,24 @@ intentions:
     assert (answer.verdict, answer.disabled) == ("not_within", ("mill",))
 
 
+def test_an_intention_starts_when_a_due_automatic_step_lets_it():
+    answer = plan(
+        f"""
+transitions:
+  arrives: {{kind: automatic, guard: machine == busy, actions: {{machine: idle}}}}
+operations:
+  mill: {MILL}
+intentions:
+  when_idle: {{start: machine == idle, goal: part == milled}}
+  when_busy: {{start: machine == busy, goal: packed}}
+""",
+        set={"machine": "busy"},
+    )
+    assert answer.question.intentions == ("when_idle",)
+    assert operations(answer) == ["mill"]
+    assert answer.steps[0].transition == "arrives"
+
+
 def test_an_automatic_transition_cannot_be_left_out():
     rest = """
 transitions:

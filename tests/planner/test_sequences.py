@@ -62,6 +62,25 @@ def test_a_sequence_of_the_whole_scenario_binds_every_intention():
     assert order_of(answer) == ["make_b", "make_c"]
 
 
+def test_a_sequence_goes_on_after_what_has_run():
+    half = model(in_order("make_a", "make_b", "make_c"))
+    at = {"a": True, "c": False}
+    assert order_of(plan(half, intentions=["all"], set=at, ran=["make_a"])) == ["make_b", "make_c"]
+    assert order_of(plan(half, intentions=["all"], set=at)) == ["undo_a", "make_a", "make_b", "make_c"]
+
+
+def test_a_manual_sequence_goes_on_after_what_has_run():
+    by_hand = in_order("make_a", "undo_a", "make_a", "make_b", "make_c", manual=True)
+    left = plan(model(by_hand), intentions=["all"], set={"a": True}, ran=["make_a", "undo_a", "make_a"])
+    assert order_of(left) == ["make_b", "make_c"]
+    assert order_of(plan(model(by_hand), intentions=["all"], set={"a": True}, ran=["make_a"]))[0] == "undo_a"
+
+
+def test_what_ran_has_to_be_an_operation():
+    with pytest.raises(sp.UsageError, match="no operation 'make_d'"):
+        plan(model(in_order("make_a")), ran=["make_d"])
+
+
 def test_branches_in_parallel_stay_free():
     between = Sequence(("make_a", "make_b", "make_c"), ((), (), (0, 1)))
     assert order_of(plan(model(between)))[-1] == "make_c"
