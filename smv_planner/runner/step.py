@@ -679,7 +679,7 @@ class _Turn:
         if not decision.failed:
             return
         by_task = {task.name: task.operation for task in tasks(self.model)}
-        said = [self.model.on_error, *(by_task[name].on_error for name in decision.failed)]
+        said = [by_task[name].on_error for name in decision.failed]  # what the scenario says for all is in these already
         said += [self.station.resources[name].on_error for name in self.now.lost]
         failed = ", ".join(f"'{name}'" for name in decision.failed)
         if OnError.HALT in said:
