@@ -41,7 +41,7 @@ def test_a_plan_is_a_table_that_says_it_was_checked():
 def test_json_has_the_fixed_members_and_steps_replay_to_the_final_state():
     answer = answered("scenarios/door", "--goal", "door.pos == opened", "--set", "door.wear=1", *EXPLICIT)
     members = "format model question verdict length bound engine checked reason proof initial final steps stages"
-    members += " operations culprits violations warnings seconds"
+    members += " operations culprits violations warnings seconds argument second_opinion"
     assert set(members.split()) <= answer.keys()
     assert (answer["format"], answer["verdict"], answer["length"], answer["checked"]) == (1, "reached", 5, True)
     state = dict(answer["initial"])
@@ -67,6 +67,26 @@ def test_exit_codes_follow_the_verdict(arguments, code, verdict):
     done = run("scenarios/door", *arguments, *EXPLICIT, "--json")
     assert done.returncode == code
     assert json.loads(done.stdout)["verdict"] == verdict
+
+
+def test_a_program_that_asks_waits_for_no_import_that_it_does_not_need():
+    """Start-up is part of the answer's time: tables for people, SMV text and what only tests use are not loaded."""
+    asked = ["scenarios/assembly_station", "--goal", "r1_connector.attached", "--json"]
+    code = f"import sys; from smv_planner.cli.plan import command; command({asked!r}); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert json.loads(done.stdout)["argument"] == "breadth-first search looked at every shorter plan"
+    loaded = {module.partition(".")[0] for module in done.stderr.split()}
+    assert "yaml" in loaded
+    assert not loaded & {"rich", "typer", "pydantic", "jinja2", "lark", "pynusmv", "smv_templates"}
+
+
+def test_an_answer_says_which_engine_found_it_by_which_argument():
+    asked = ("scenarios/door", "--goal", "door.pos == jammed")
+    assert "relaxed reachability" in answered(*asked)["argument"]
+    assert "property-directed" in answered(*asked, "--engine", "sat")["argument"]
+    assert "every state that can follow" in answered(*asked, *EXPLICIT)["argument"]
+    assert "auto: relaxed reachability" in run(*asked).stdout
+    assert answered("scenarios/door", "--goal", "free", "--set", "door.ref=opened")["argument"] is None  # nobody was asked
 
 
 def test_a_proof_is_named_and_checked():
