@@ -80,6 +80,7 @@ def export(asked: argparse.Namespace) -> int:
         lifted=tuple(asked.lift),
         disabled=tuple(asked.disable),
         lost=tuple(asked.lose),
+        ran=tuple(asked.ran),
     )
     encoding = encoded(pose(model, question, asked.bound))
     if asked.output is None:

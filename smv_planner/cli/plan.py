@@ -96,6 +96,7 @@ def command(arguments: Sequence[str]) -> int:
             lift=asked.lift,
             disable=asked.disable,
             lose=asked.lose,
+            ran=asked.ran,
             engine=asked.engine,
             second_opinion=asked.second_opinion,
             bound=asked.bound,

@@ -66,6 +66,12 @@ QUESTION: dict[str, dict[str, object]] = {
         "default": [],
         "help": "do not plan on this resource, as on one whose hub is silent; repeatable",
     },
+    "--ran": {
+        "metavar": "OPERATION",
+        "action": "append",
+        "default": [],
+        "help": "this operation of a prescribed sequence has run already; repeatable",
+    },
     "--bound": {
         "metavar": "N",
         "type": int,
