@@ -29,7 +29,8 @@ from smv_planner.planner.widening import Widened
 from smv_planner.problem import Goal, Problem, Reached
 from smv_planner.runner.decision import Following, Purpose
 from smv_planner.runner.events import Event
-from smv_planner.runner.situation import Situation
+from smv_planner.runner.situation import Situation, Station
+from smv_planner.runner.step import step
 
 Entry = Event | Situation
 """What a record says. A situation stands for everything before it."""
@@ -59,6 +60,18 @@ def entry(payload: bytes, known: Known) -> Entry:
     except (ValueError, TypeError, LookupError, RecursionError) as error:
         raise Unreadable(f"this is no record of this model: {type(error).__name__}: {error}") from error
     return found
+
+
+def restored(station: Station, begun: Situation, payloads: Iterable[bytes], known: Known) -> Situation:
+    """The situation after all that a journal holds; `begun` is the one before anything. What was put out is not put out again."""
+    now = begun
+    for payload in payloads:
+        match entry(payload, known):
+            case Situation() as situation:
+                now = situation
+            case event:
+                now, _ = step(station, now, event)
+    return now
 
 
 _TO_JSON = json.JSONEncoder(ensure_ascii=True, allow_nan=False, separators=(",", ":"))

@@ -207,7 +207,7 @@ WRITER = textwrap.dedent("""\
     import resource, signal, sys
     from smv_planner.journal import Folder, Journal, Unwritten
 
-    opened = Journal.open(Folder(sys.argv[1]), "m", 2000)
+    opened = Journal.open(Folder(sys.argv[1]), "m")
     journal, number = opened.journal, len(opened.records)
     if sys.argv[2:]:
         signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
