@@ -44,7 +44,7 @@ def resource_of(path: Path, name: str, entry: document.Resource, scenario: Scena
         deadman=deadman,
         safe=tuple(_safe(entry, name, (*path, "on_deadman"), world)),
         on_error=on_error(entry.on_error, scenario.on_error),
-        reenable=reenable(entry.reenable, scenario.reenable),
+        reenable=reenable(entry.reenable, scenario.reenable, Policy.ON_CHANGE),
     )
 
 

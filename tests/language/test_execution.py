@@ -48,7 +48,7 @@ def test_without_a_word_people_decide_and_hubs_hold():
     assert (model.period, model.on_error) == (0.2, OnError.CONTINUE)
     [resource] = model.resources
     assert (resource.mirror_within, resource.deadman, resource.safe) == (1.0, None, ())
-    assert (resource.on_error, resource.reenable) == (OnError.CONTINUE, MANUAL)
+    assert (resource.on_error, resource.reenable) == (OnError.CONTINUE, Reenable(Policy.ON_CHANGE))
     [form] = model.operations
     assert (form.on_error, form.reenable) == (OnError.CONTINUE, MANUAL)
     assert {each.reenable for each in model.transitions} == {MANUAL}
@@ -78,7 +78,7 @@ SAID = {None: None, "manual": MANUAL, "on_change": ON_CHANGE, "after 3 s": Reena
 def test_an_effect_asks_itself_then_its_resource_then_the_scenario(of_all, of_press, of_sinks):
     model = loads(press(*(f"reenable: {each}" if each else "" for each in (of_all, of_press, of_sinks))))
     everywhere = SAID[of_all] or MANUAL
-    assert model.resources[0].reenable == (SAID[of_press] or everywhere)
+    assert model.resources[0].reenable == (SAID[of_press] or SAID[of_all] or Reenable(Policy.ON_CHANGE))
     assert model.system.transition["press.sinks"].reenable == (SAID[of_sinks] or SAID[of_press] or everywhere)
     assert model.system.transition["drops"].reenable == everywhere
     assert model.system.transition["press.lower"].reenable == MANUAL, "only effects time out"
@@ -140,8 +140,8 @@ def test_whatever_is_said_differently_is_another_model():
 
 def test_saying_what_holds_anyway_is_the_same_model():
     aloud = press(
-        "period: 200 ms\nreenable: manual\non_error: continue",
-        "mirror_within: 1 s\n    on_error: continue",
+        "period: 200 ms\non_error: continue",
+        "mirror_within: 1 s\n    on_error: continue\n    reenable: on_change",
         "reenable: manual",
         "on_error: continue",
     )
