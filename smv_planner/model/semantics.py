@@ -84,6 +84,7 @@ class Steps:
         self._index = system.index
         self._automatic = [(t, _compiled(system, t)) for t in transitions if t.kind.automatic]
         self._others = [(t, _compiled(system, t)) for t in transitions if not t.kind.automatic]
+        self._outcomes = {t.name: outcomes for t, outcomes in self._others}
 
     def automatic(self, state: State) -> Step | None:
         """The automatic step that comes next, or None in a settled state."""
@@ -107,9 +108,13 @@ class Steps:
 
     def again(self, state: State, transition: Transition, once: State) -> State | None:
         """The state that a transition leads to with the choices by which it led to `once`; None if it cannot come next."""
+        due = self.automatic(state)
+        if due:
+            return due[1] if due[0] is transition else None
         chosen = [self._index[action.variable] for action in transition.actions if isinstance(action.value, Any)]
-        for other, after in self(state):
-            if other is transition and all(after[at] == once[at] for at in chosen):
+        outcomes = self._outcomes.get(transition.name)
+        for after in outcomes(state) if outcomes else ():
+            if all(after[at] == once[at] for at in chosen):
                 return after
         return None
 
