@@ -9,8 +9,11 @@ import signal
 import subprocess
 import sys
 import textwrap
+from contextlib import suppress
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from journal.disks import MemoryDisk, PowerCut
 
 from smv_planner.journal import Damaged, Folder, Journal, Refused, Unwritten, read
@@ -30,9 +33,10 @@ def test_a_new_journal_is_empty_and_goes_on_where_it_was(tmp_path):
 class Station:
     """What a planner does with its journal: it counts, and acts on a number only when the journal has it."""
 
-    def __init__(self, disk, limit=LIMIT):
-        self.disk, self.limit = disk, limit
+    def __init__(self, disk, limit=LIMIT, pace=1):
+        self.disk, self.limit, self.pace = disk, limit, pace
         self.acted: list[int] = []
+        self.safe: list[int] = []
         self.tried: list[int] = []
         self.journal: Journal | None = None
 
@@ -41,6 +45,12 @@ class Station:
         self.journal, self.acted = opened.journal, restored(opened.records)
         self.tried = list(self.acted)
 
+    def open_at_last(self):
+        while self.journal is None:
+            with suppress(Unwritten):
+                self.open()
+        self.safe = self.acted
+
     def work(self, numbers):
         for number in numbers:
             try:
@@ -48,15 +58,18 @@ class Station:
                     self.open()
                 if self.journal.full:
                     self.journal.anew([json.dumps(self.acted).encode()])
+                    self.safe = self.acted
             except Unwritten:
                 if self.journal is None or self.journal.broken:
                     continue  # hold
             self.tried = [*self.acted, number]
             try:
-                self.journal.write([b"%d" % number])
+                self.journal.write([b"%d" % number], durable=number % self.pace == 0)
             except Unwritten:
                 continue
             self.acted = self.tried
+            if number % self.pace == 0:
+                self.safe = self.acted
 
 
 def restored(records):
@@ -121,6 +134,33 @@ def test_a_disk_that_is_full_for_a_while_is_waited_for(seed):
         station.work(range(60))
         assert station.acted[-1] == 59, "it recovers by itself"
         assert restored(Journal.open(disk, MODEL).records) == station.acted
+
+
+FAULTS = st.dictionaries(st.integers(1, 120), st.sampled_from([errno.ENOSPC, errno.EIO, PowerCut, PowerCut]), max_size=25)
+
+
+@settings(deadline=None)
+@given(FAULTS, st.integers(0, 10**6), st.integers(1, 4))
+def test_whatever_comes_together_what_was_durable_is_found_in_order(faults, seed, pace):
+    """Of what was not to be durable the power takes an end, never a middle."""
+    disk, numbers, count = MemoryDisk(dict(faults), seed=seed), list(NUMBERS), 0
+    safe: list[int] = []
+    while count < len(numbers):
+        station = Station(disk, pace=pace)
+        try:
+            station.open_at_last()
+            assert station.acted[: len(safe)] == safe
+            assert station.acted == sorted(set(station.acted)), "in order, and nothing twice"
+            while count < len(numbers):
+                count += 1
+                station.work([numbers[count - 1]])
+            break
+        except PowerCut:
+            safe = station.safe or safe
+            rest = {n - disk.changes: fault for n, fault in disk.fails.items() if n > disk.changes}
+            disk = disk.after_a_power_cut()
+            disk.fails = rest
+    assert restored(Journal.open(MemoryDisk({}, disk.files), MODEL, LIMIT).records) in (station.acted, station.tried)
 
 
 def test_when_no_new_segment_can_be_begun_the_old_one_grows_to_a_bound():
