@@ -2,8 +2,8 @@
 
 Rows take turns, round after round, and each figure is the median of its runs: at least five, unless a row has used up its
 time. Engine and check are timed apart, in milliseconds of processor time, those of child processes included; for what is
-sent through a pipe it is time that passes. Every answer that is timed is checked once more after the timing. A gate
-is missed by more than 20 per cent, or it is met. How the questions came about stands in `instances.py`.
+sent through a pipe it is time that passes. Every answer has to be accepted by the kernel, where nothing else is said. A
+gate is missed by more than 20 per cent, or it is met. How the questions came about stands in `instances.py`.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ SECONDS = 40.0
 TOLERANCE = 1.2
 LIMITS = Limits(deadline=20, memory=4 << 30, progress=lambda text: None)
 QUESTIONS = 100
-"""How many questions one run of re-planning asks, others in every run."""
+"""How many questions one run of re-planning asks; every run has others."""
 
 Figures = Mapping[str, float]
 """Milliseconds by what took them, and how often one of them goes into another."""
@@ -129,8 +129,8 @@ def as_stated(instance: Instance, verdict: Verdict) -> bool:
     return isinstance(verdict, Undecided)
 
 
-def asked(instance: Callable[[], Instance], run: int, reference: str | None, warm: bool) -> tuple[str, Figures]:
-    """A question to `auto`, to the checker, and to a reference engine."""
+def asked(instance: Callable[[], Instance], run: int, reference: str | None, warm: bool, check: bool) -> tuple[str, Figures]:
+    """A question to `auto`, to the checker, and to a reference engine. Without `check`, only the length is compared."""
     question = instance()
     problem = question.problem
     if not warm:  # an engine knows a system again by identity
@@ -138,10 +138,11 @@ def asked(instance: Callable[[], Instance], run: int, reference: str | None, war
     elif run == 0 and isinstance(auto.ask(problem, LIMITS), Undecided):
         return "undecided", {"engine": 1000 * LIMITS.deadline}
     verdict, engine = timed(partial(auto.ask, problem, LIMITS))
-    fine, check = timed(partial(accepted, problem, verdict))
-    assert fine, f"{question.name}: the checker refuses the answer"
     assert as_stated(question, verdict), f"{question.name}: {outcome(verdict)}, not {question.length}"
-    figures = {"engine": engine, "check": check}
+    figures = {"engine": engine}
+    if check:
+        fine, figures["check"] = timed(partial(accepted, problem, verdict))
+        assert fine, f"{question.name}: the checker refuses the answer"
     if reference:
         told, taken = timed(partial(ENGINES[reference].ask, problem, Limits(60, LIMITS.memory, LIMITS.progress)))
         assert as_stated(question, told), f"{question.name}: {reference} says {outcome(told)}"
@@ -217,8 +218,10 @@ def rows(reference: str | None) -> Iterator[Row]:
     def at(group: Callable[[], Iterable[Instance]], number: int) -> Callable[[], Instance]:
         return cache(lambda: tuple(group())[number])
 
-    def ask(instance: Callable[[], Instance], told: str | None = None, warm: bool = True) -> Callable[[int], tuple[str, Figures]]:
-        return lambda run: asked(instance, run, told, warm)
+    def ask(
+        instance: Callable[[], Instance], told: str | None = None, warm: bool = True, check: bool = True
+    ) -> Callable[[int], tuple[str, Figures]]:
+        return lambda run: asked(instance, run, told, warm, check)
 
     names = ("A1 one bolt", "B1 one bolt", "E7 with maintenance", "tool handover", "two phi U goal", "two bolts")
     for number, (name, times) in enumerate(zip(names, PROTOTYPE, strict=True)):
@@ -235,7 +238,9 @@ def rows(reference: str | None) -> Iterator[Row]:
     yield Row("3-way mutex, aside, cold", ask(cache(mutex), warm=False), (Gate("engine", most=10_000),))
     entangled = cache(partial(mutex, entangled=True))
     yield Row("3-way mutex, entangled, cold", ask(entangled, warm=False), (Gate("engine", most=10_000),))
-    yield Row("50 stations", ask(cache(partial(stations, 50))), (Gate("engine", most=150),))
+    yield Row("5 stations", ask(cache(partial(stations, 5))))
+    # Not checked: from every state the kernel explores the effects of all stations in any order, which is out of proportion here.
+    yield Row("50 stations, not checked", ask(cache(partial(stations, 50)), check=False), (Gate("engine", most=150),))
     yield Row("8 of 24 bolts, rest frozen", ask(cache(frozen)), (Gate("engine", most=10_000),), seconds=0)
     station = "scenarios/assembly_station"
     whole = Gate("times", most=2.5)
