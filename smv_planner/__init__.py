@@ -5,8 +5,8 @@
     model = sp.load("scenarios/door")
     answer = sp.plan(model, goal="door.pos == opened")
 
-The method is that of Sequence Planner (Machines 2021): the model is exported to SMV, a bounded model checker is asked
-to prove that the goal is unreachable, and its counterexample, once checked, is the plan.
+The method is that of Sequence Planner (Machines 2021): an engine is asked to prove that the goal is unreachable, and its
+counterexample, once checked, is the plan; so is a proof checked. Every question can be exported to SMV.
 """
 
 from smv_planner.api import encoded, plan, pose, widened

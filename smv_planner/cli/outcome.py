@@ -25,8 +25,8 @@ EXIT_CODES = """\
 exit codes:
   0  reached                       3  the scenario is invalid
   1  unreachable, or an invariant  4  no plan within the bound, or the deadline passed
-     is violated at the start      5  the engine is missing, failed, or lied
-  2  the question is wrong"""
+     is violated at the start      5  the engine is missing, failed, or lied,
+  2  the question is wrong            or two engines differ"""
 
 
 class Arguments(argparse.ArgumentParser):
