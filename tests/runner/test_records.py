@@ -153,6 +153,12 @@ def test_the_runs_have_what_is_to_be_stored():
         assert any(getattr(situation, what) for situation in every), what
 
 
+def test_sets_are_written_in_order_whatever_the_process():
+    words = [f"operation {n}" for n in range(100, 140)]
+    said = json.loads(record(replace(at_rest(station()), spent=frozenset(words))))
+    assert said["spent"] == words
+
+
 # --- values of all kinds
 
 words = st.text(max_size=8)
