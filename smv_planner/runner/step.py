@@ -266,11 +266,18 @@ class _Turn:
         return True
 
     def by_operator(self, changes: Mapping[str, Value]) -> bool:
-        """Whether the changes belong to maintenance that the operator was asked for."""
+        """Whether the changes belong to maintenance that the operator was asked for.
+
+        As soon as sensors show it, commands are what it makes of them: what was pushed away must not come back, and what
+        was taken off must not be held on to, before the operator has said that all is done.
+        """
         for wish in self.now.wishes.values():
             if wish.kind is WishKind.MAINTENANCE and wish.step is not None and self.now.following:
                 target = self.target(self.now.following, wish.step)
                 if all(name in target for name in changes):
+                    now = self.system.named(self.now.state)
+                    if all(now[name] == value for name, value in target.items() if self.is_live(name)):
+                        self.believe({name: value for name, value in target.items() if self.is_goal(name)})
                     return True
         return False
 
@@ -568,11 +575,29 @@ class _Turn:
         fixed = {a.variable: trace.states[at + 1][system.index[a.variable]] for a in transition.actions}
         return fixed
 
+    def at_work(self) -> bool:
+        """Whether sensors show what the operator was asked to do before he has said that he is done: then all wait for him."""
+        following, now = self.now.following, self.now.state
+        if following is None:
+            return False
+        for wish in self.now.wishes.values():
+            if wish.kind is not WishKind.MAINTENANCE or wish.confirmed_at is not None or wish.step is None:
+                continue
+            before, system = following.plan.trace.states[wish.step], following.plan.problem.system
+            live = {n: value for n, value in self.target(following, wish.step).items() if self.is_live(n)}
+            shown = all(now[self.system.index[n]] == value for n, value in live.items())
+            if shown and any(before[system.index[n]] != value for n, value in live.items()):
+                return True
+        return False
+
     def is_live(self, variable: str) -> bool:
         """Whether sensors tell the value: it is measured, and its hub is there."""
         at = self.system.index[variable]
         resource = self.system.variables[at].resource
         return self.system.variables[at].kind is VariableKind.MEASURED and resource not in self.now.lost
+
+    def is_goal(self, variable: str) -> bool:
+        return self.system.variables[self.system.index[variable]].kind is VariableKind.GOAL
 
     # --- the planners ---------------------------------------------------------------------------------------
 
@@ -740,7 +765,7 @@ class _Turn:
         if self.now.phase is Phase.RUNNING:
             self.watch_hubs()
             for _ in range(SETTLING):
-                if not (self.automatic() or self.progress() or self.performed() or self.command()):
+                if not (self.performed() or self.automatic() or self.progress() or self.command()):
                     break
             self.watch_effects()
             self.ask()
@@ -749,7 +774,7 @@ class _Turn:
 
     def automatic(self) -> bool:
         """Take the automatic transition that is due, if any."""
-        if self.now.halted:
+        if self.now.halted or self.at_work():
             return False
         due = self.station.steps(self.now.executing).automatic(self.now.state)
         if due is None:
@@ -766,7 +791,7 @@ class _Turn:
 
     def progress(self) -> bool:
         """Operations that are done, intentions that begin or end, invariants that are broken or hold again."""
-        if not self.now.halted and (self.operations_end() or self.intentions_move()):
+        if not (self.now.halted or self.at_work()) and (self.operations_end() or self.intentions_move()):
             return True
         broken = frozenset(name for name, holds_ in self.station.allowed.items() if not holds_(self.now.state))
         if broken != self.now.broken:
@@ -876,7 +901,7 @@ class _Turn:
     def command(self) -> bool:
         """Take the next controlled step that the plan allows; ask the operator for what is his (sections 4.1, 4.5)."""
         now, following = self.now, self.now.following
-        if following is None or now.asked or now.cause is not None or now.halted:
+        if following is None or now.asked or now.cause is not None or now.halted or self.at_work():
             return False
         if now.broken and following.purpose is not Purpose.EXIT:
             return False

@@ -310,6 +310,37 @@ def test_a_cancelled_operation_goes_back_to_initial_and_is_planned_again() -> No
 # --- errors
 
 
+def _dropped() -> Rig:
+    """Both arms are done but for the left one, which has slipped and needs the operator."""
+    rig = Rig().begin()
+    rig.measure("left.at", "dropped")
+    while rig.now.asked:
+        rig.answer()
+    rig.measure("right.at", "out")
+    while rig.now.asked:
+        rig.answer()
+    return rig
+
+
+def test_what_the_operator_has_moved_is_not_sent_back_before_he_says_that_he_is_done() -> None:
+    rig = _dropped()
+    assert rig.sent("left")[-1].values == {"left.to": "out"}
+    rig.measure("left.at", "home")
+    assert rig.sent("left")[-1].values == {"left.to": "home"}
+
+
+def test_nothing_goes_on_under_the_hands_of_the_operator() -> None:
+    rig = _dropped()
+    rig.measure("left.at", "home")
+    rig.wait(10.0)
+    assert rig.sent("left")[-1].values == {"left.to": "home"}
+    assert rig.now.wishes
+    rig.order(Confirm(rig.instructions[-1].request))
+    while rig.now.asked:
+        rig.answer()
+    assert rig.sent("left")[-1].values == {"left.to": "out"}
+
+
 def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows_it_again() -> None:
     rig = Rig().begin()
     for times in range(1, 4):
