@@ -18,6 +18,9 @@ from smv_planner.model.expressions import And, Const, Equal, Expr, If, Less, Min
 
 SOLVER = "glucose4"
 
+CLAUSES = 1_000_000
+"""How many clauses may be kept before they are coded anew."""
+
 Literals = Mapping[Value, int]
 """For every value that an expression can have, the literal that says it has it."""
 
@@ -27,12 +30,18 @@ class Predicates:
 
     def __init__(self, domains: Mapping[str, Domain]) -> None:
         self._domains = domains
+        self._begin()
+
+    def _begin(self) -> None:
         self._clauses = Clauses()
         self._variables: dict[str, Literals] = {}
         self._coding = Coding(self._clauses, self._variable)
 
     def satisfiable(self, *predicates: Expr) -> bool:
         """Whether some state satisfies all the predicates."""
+        if self._clauses.solver.nof_clauses() > CLAUSES:
+            self.close()
+            self._begin()
         return bool(self._clauses.solver.solve(assumptions=[self._coding.literal(predicate) for predicate in predicates]))
 
     def example(self, *predicates: Expr) -> dict[str, Value] | None:
