@@ -145,7 +145,7 @@ def test_whatever_comes_together_what_was_durable_is_found_in_order(faults, seed
     """Of what was not to be durable the power takes an end, never a middle."""
     disk, numbers, count = MemoryDisk(dict(faults), seed=seed), list(NUMBERS), 0
     safe: list[int] = []
-    while count < len(numbers):
+    while True:
         station = Station(disk, pace=pace)
         try:
             station.open_at_last()
@@ -177,6 +177,32 @@ def test_when_no_new_segment_can_be_begun_the_old_one_grows_to_a_bound():
     assert restored(Journal.open(disk, MODEL).records) == station.acted
     with pytest.raises(Unwritten, match="no new segment"):
         station.journal.write([b"1" * 50])
+
+
+class Renames(MemoryDisk):
+    """Once it renames, and says that it could not."""
+
+    spoilt = False
+
+    def rename(self, name, to):
+        super().rename(name, to)
+        if to > "00000002" and not self.spoilt:
+            self.spoilt = True
+            raise OSError(errno.EIO, "Input/output error")
+
+
+def test_once_a_new_segment_may_have_its_name_nothing_goes_into_the_old_one():
+    disk = Renames()
+    journal = Journal.open(disk, MODEL).journal
+    journal.write([b"one"])
+    with pytest.raises(Unwritten, match="cannot be named"):
+        journal.anew([b"until one"])
+    with pytest.raises(Unwritten, match="cannot be named"):
+        journal.write([b"two"])
+    assert journal.full
+    journal.anew([b"until one"])
+    journal.write([b"two"])
+    assert Journal.open(disk, MODEL).records == (b"until one", b"two")
 
 
 def test_damage_is_refused_with_the_byte_and_what_to_do(tmp_path):
