@@ -57,8 +57,8 @@ BACKLOG = 1000
 class Watch:
     """Who looks on, and here sees nothing; `observer` is one who does."""
 
-    def heard(self, process: Process, message: StateMessage, sent_at: float) -> None:
-        """A sound state message reaches a process; what it says was true at `sent_at`."""
+    def reported(self, message: StateMessage) -> None:
+        """A hub has sent this."""
 
     def turned(self, process: Process, event: Event, before: Situation, outputs: tuple[Output, ...]) -> None:
         """The runner has taken a step, and nothing of what it wants is done yet."""
@@ -81,7 +81,7 @@ class World:
     planners: Planners
     seed: int = 0
     set: Mapping[str, Value] = field(default_factory=dict)
-    operator: Operator = Operator()
+    operator: Operator = field(default_factory=Operator)
     on_note: Callable[[float, Note], None] = lambda at, note: None
     disk: Disk | None = None
     weather: Weather = CALM
@@ -118,7 +118,7 @@ class World:
         period = self.station.model.period
         for number, name in enumerate(self.hubs):
             self.later(period * number / len(self.hubs), lambda name=name: self.hub_period(name))  # type: ignore[misc]
-        self.later(0.0, lambda: self.start_planner("planner", self.disk))
+        self.later(0.0, self.start_first)
 
     def _place(self, named: Mapping[str, Value]) -> None:
         """Put devices and hubs into the state that was given."""
@@ -163,14 +163,19 @@ class World:
     def situation(self) -> Situation:
         return self.process.situation if self.processes else self._first
 
-    def start_planner(self, name: str, disk: Disk | None = None) -> None:
-        """A new process of the planner, which goes on from the journal on its disk if there is one."""
+    def start_first(self) -> None:
+        self.start_planner("planner", self.disk)
+
+    def start_planner(self, name: str, disk: Disk | None = None) -> Situation:
+        """A new process of the planner, which goes on from the journal on its disk if there is one: what that tells."""
         known = Known(self.station.model, self.planners.widen)
         process = Process(name, self.station, known, self._first, self.perform, self.turned, self.kill, disk)
         process.begin()
+        told = process.situation
         self.processes.append(process)
         self.happen(Began(self.at, name), process)
         self.later(self.station.model.period, lambda: self.planner_period(process))
+        return told
 
     def planner_period(self, process: Process) -> None:
         if not process.alive:
@@ -321,11 +326,12 @@ class World:
         self.hubs[name], message = emulators.report(self.hubs[name], self.at)
         if message is None:
             return
-        payload, sent_at = encode(message), self.at
+        payload = encode(message)
+        self.watch.reported(message)
         self.record("state", payload)
         for process in self.processes:
             if process.alive:
-                self.carry(name, process.name, payload, lambda a, p=process: self.state_arrives(name, p, a, sent_at))  # type: ignore[misc]
+                self.carry(name, process.name, payload, lambda a, p=process: self.state_arrives(name, p, a))  # type: ignore[misc]
 
     def advance(self, name: str) -> None:
         before = self.hubs[name]
@@ -334,13 +340,11 @@ class World:
         if after.device.measured is not before.device.measured or after.hub is not before.hub:
             self.become(name, after)
 
-    def state_arrives(self, name: str, process: Process, arrival: Arrival, sent_at: float) -> None:
+    def state_arrives(self, name: str, process: Process, arrival: Arrival) -> None:
         decoded = decode_state(arrival.payload, self.station.interfaces[name])
         if not arrival.sound:
             self.thrown_away(decoded)
         elif isinstance(decoded, StateMessage):
-            if process.alive:
-                self.watch.heard(process, decoded, sent_at)
             self.happen(Heard(self.at, decoded), process)
 
     # --- what may befall them
