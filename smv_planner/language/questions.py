@@ -60,12 +60,17 @@ def setting(model: Model, text: str, source: str = "--set") -> tuple[str, Value]
     raise question.error
 
 
+def scope(model: Model) -> Scope:
+    """Every full name that a text about a model may use."""
+    return Scope({name.full: name for name in _names(model)})
+
+
 class _Question:
     """A text about a model, and what is wrong with it so far."""
 
     def __init__(self, model: Model, text: str, source: str) -> None:
         self.text, self.source = text, source
-        self.scope = Scope({name.full: name for name in _names(model)})
+        self.scope = scope(model)
         self._mistakes: list[Mistake] = []
 
     def asking(self, text: str, offset: int = 0) -> Asking:

@@ -12,13 +12,14 @@ from smv_planner.emulation.behaviour import Times, fewer
 class Operator:
     """Does what is asked `delay` seconds later, confirms half a second after that, and agrees to everything.
 
-    `ignores` are maintenance transitions that do not get done, `pretends` those that are confirmed all the same; so many
-    times. One who does not `agree` leaves every question open.
+    `ignores` are maintenance transitions that do not get done, `pretends` those that are confirmed without being done, and
+    `forgets` those that are done and not confirmed; so many times. One who does not `agree` leaves every question open.
     """
 
     delay: float = 3.0
     ignores: Mapping[str, Times] = field(default_factory=dict)
     pretends: Mapping[str, Times] = field(default_factory=dict)
+    forgets: Mapping[str, Times] = field(default_factory=dict)
     agrees: bool = True
 
     def asked(self, transition: str) -> tuple[Operator, bool, bool]:
@@ -27,4 +28,6 @@ class Operator:
             return replace(self, ignores=fewer(self.ignores, transition)), False, False
         if transition in self.pretends:
             return replace(self, pretends=fewer(self.pretends, transition)), False, True
+        if transition in self.forgets:
+            return replace(self, forgets=fewer(self.forgets, transition)), True, False
         return self, True, True

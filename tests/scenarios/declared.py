@@ -93,9 +93,15 @@ Strict.add_constructor("tag:yaml.org,2002:map", distinct)
 
 
 def cases(path: Path) -> dict[str, Case]:
-    """The cases of a file by name: one, or with `foreach` one for each combination of what the placeholders stand for."""
+    """The questions of a file by name: one, or with `foreach` one for each combination of what the placeholders stand for.
+
+    Cases with `when` are no questions; tests/simulate plays them.
+    """
     text = path.read_text()
-    foreach = yaml.load(text, Strict).get("foreach", {})
+    whole = yaml.load(text, Strict)
+    if "when" in whole:
+        return {}
+    foreach = whole.get("foreach", {})
     found: dict[str, Case] = {}
     for words in product(*map(pool, foreach.values())):
         one = text
