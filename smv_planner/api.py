@@ -122,7 +122,9 @@ def plan(
 
         answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound, _briefly), blank)
     # What answers a question with goals is the first verdict; those after it only look for whom to blame.
-    arguments = tuple(ask.arguments)[: None if ask.several else 1]
+    arguments = tuple(ask.arguments)[:1]
+    if ask.several:
+        arguments = tuple(f"{argument} ({count} of {ask.asked} questions)" for argument, count in ask.arguments.items())
     if second is not None:
         answer = replace(answer, second_opinion=second.opinion, warnings=answer.warnings + tuple(second.warnings))
     return replace(answer, arguments=arguments, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
@@ -214,8 +216,8 @@ class _Engine:
     several: bool
     seconds: float = 0.0
     asked: int = 0
-    arguments: dict[str, None] = field(default_factory=dict)
-    """By which arguments it has answered, in the order of their first use."""
+    arguments: dict[str, int] = field(default_factory=dict)
+    """By which arguments it has answered, and how often, in the order of their first use."""
 
     def __post_init__(self) -> None:
         from smv_planner.engines import ENGINES, Limits
@@ -238,7 +240,7 @@ class _Engine:
             self.seconds += time.monotonic() - began
         match verdict:
             case Reached() | NotWithin() | Unreachable():
-                self.arguments.setdefault(verdict.argument)
+                self.arguments[verdict.argument] = self.arguments.get(verdict.argument, 0) + 1
         return verdict
 
     def _write(self, problem: Problem, path: Path) -> None:

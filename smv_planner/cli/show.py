@@ -29,8 +29,8 @@ def show_answer(model: Model, answer: Answer) -> None:
         console.width = max(console.width, 120)
     took = f"engine {answer.engine}, {answer.engine_seconds:.2f} s of {answer.total_seconds:.2f} s"
     console.print(f"[bold]{escape(model.name)}[/]: {_headline(answer)} ({took})")
-    if answer.arguments:
-        console.print(f"[dim]{escape(answer.engine)}: {escape('; '.join(answer.arguments))}[/]")
+    for argument in answer.arguments:
+        console.print(f"[dim]{escape(answer.engine)}: {escape(argument)}[/]")
     if answer.second_opinion:
         second = answer.second_opinion
         console.print(f"[dim]{escape(second.engine)} agrees on {second.agreed} of {_count(second.asked, 'question')}[/]")
