@@ -30,7 +30,7 @@ from smv_planner.model.expressions import (
     variables_of,
 )
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
-from smv_planner.model.semantics import ready
+from smv_planner.model.semantics import once, ready
 from smv_planner.model.system import Any, System, Transition
 from smv_planner.problem import Problem, Relaxed
 
@@ -45,19 +45,33 @@ def broken(problem: Problem, proof: Relaxed) -> str | None:
     sets = {v.name: frozenset(values) for v, values in zip(system.variables, proof.values, strict=True)}
     if not all(value in sets[name] for name, value in system.named(problem.initial).items()):
         return "the proof leaves out the initial state"
-    allowed = [(part, variables_of(part)) for i in problem.allowed for part in conjuncts(i.predicate)]
+    allowed = [part for i in problem.allowed for part in once(system, "parts", i.predicate, _parts)]
     for transition in problem.usable:
-        enabled = list(conjuncts(ready(system, transition)))
-        for chosen in _choices(system, transition):
+        enabled = once(system, "enabled", transition, lambda system, transition: list(conjuncts(ready(system, transition))))
+        before = once(system, "before", transition, _nothing_yet)
+        for number, chosen in enumerate(_choices(system, transition)):
             if _stays(system, enabled, chosen, sets):
                 continue
             touched = [part for part, names in allowed if not names.isdisjoint(chosen)]
-            after = [part for old in touched for part in conjuncts(substitute(old, chosen))]
+            for old in touched:
+                if (number, id(old)) not in before:
+                    before[number, id(old)] = old, tuple(conjuncts(substitute(old, chosen)))
+            after = [part for old in touched for part in before[number, id(old)][1]]
             if not _stays(system, [*enabled, *after], chosen, sets):
                 return f"the proof leaves out what follows on '{transition.name}'"
     if may_hold(problem.formula, sets, [part for part, _ in allowed]):
         return "the proof's sets do not rule out that the goals are met"
     return None
+
+
+def _parts(system: System, predicate: Expr) -> list[tuple[Expr, frozenset[str]]]:
+    """What all has to hold for a predicate to hold, each part with the variables that it reads."""
+    return [(part, variables_of(part)) for part in conjuncts(predicate)]
+
+
+def _nothing_yet(system: System, transition: Transition) -> dict[tuple[int, int], tuple[Expr, tuple[Expr, ...]]]:
+    """By a transition's choice and a part of an invariant: the part, and what has to hold before for it to hold after."""
+    return {}
 
 
 def _stays(system: System, enabled: list[Expr], chosen: Mapping[str, Expr], sets: Sets) -> bool:

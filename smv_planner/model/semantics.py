@@ -51,7 +51,7 @@ Step = tuple[Transition, State]
 
 def ready(system: System, transition: Transition) -> Expr:
     """When a transition is enabled, as a predicate on states (automatic priority apart)."""
-    return _once(system, "ready", transition, _ready)
+    return once(system, "ready", transition, _ready)
 
 
 def _ready(system: System, transition: Transition) -> Expr:
@@ -166,16 +166,19 @@ def _steps_to(state: State, came_from: Mapping[State, Step | None]) -> list[Step
 
 def _compiled(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:
     """`fire` for one transition."""
-    return _once(system, "fire", transition, _compile)
+    return once(system, "fire", transition, _compile)
 
 
 def judge(system: System, predicate: Expr) -> Callable[[State], Value]:
     """`meaning`, made once: for predicates that are asked again, as those of invariants are."""
-    return _once(system, "judge", predicate, lambda system, predicate: meaning(predicate, system.index))
+    return once(system, "judge", predicate, lambda system, predicate: meaning(predicate, system.index))
 
 
-def _once(system: System, what: str, of: T, make: Callable[[System, T], R]) -> R:
-    """What `make` makes of something, remembered by identity: to compare large expressions takes time."""
+def once(system: System, what: str, of: T, make: Callable[[System, T], R]) -> R:
+    """What `make` makes of something, remembered by identity: to compare large expressions takes time.
+
+    `what` says which thing is made; the kernel's and this module's own names for that are all there are.
+    """
     found = system.memo.get((what, id(of)))
     if found is None:
         if len(system.memo) >= REMEMBERED:

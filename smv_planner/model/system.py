@@ -174,7 +174,7 @@ class System:
 
     @cached_property
     def memo(self) -> dict[tuple[str, int], tuple[object, object]]:
-        """What `semantics` has worked out of transitions and predicates; nobody else's business."""
+        """What `semantics.once` has worked out of transitions and predicates; nobody else's business."""
         return self.base.memo if self.base else {}
 
     def named(self, state: State) -> dict[str, Value]:
