@@ -249,7 +249,8 @@ class _Turn:
             self.deviation(name)
 
     def deviation(self, name: str) -> None:
-        if self.now.following or self.now.executing:
+        # A question that is open is about a state that is no more.
+        if self.now.following or self.now.executing or self.now.asked:
             self.need(Cause.DEVIATION, self.concerned(name))
 
     def follow(self, row: Sequence[str]) -> bool:
@@ -609,7 +610,9 @@ class _Turn:
         self.set(asked=None)
         if self.now.cause is not None:
             self.note("stale", "the answer came too late: asking again")
-            if not asked.recheck:
+            if asked.recheck:
+                self.set(recheck=True)
+            else:
                 self.need(asked.cause, asked.blamed)
             return
         if decision.actions:
@@ -695,9 +698,9 @@ class _Turn:
         self.after_error(decision)
 
     def begin_operations(self, begun: State) -> None:
-        """What starting operations assigns (`on_start`); the plan begins there."""
-        if begun != self.now.state:
-            self.reach(begun)
+        """What starting operations assigns (`on_start`); the plan begins there. What sensors say is not the plan's to change."""
+        own = (VariableKind.DECISION, VariableKind.ESTIMATED)
+        self.believe({v.name: value for v, value in zip(self.system.variables, begun, strict=True) if v.kind in own})
 
     def after_error(self, decision: Decision) -> None:
         """`on_error`: go on with a substitute, ask for approval first, or halt (section 7)."""

@@ -179,6 +179,17 @@ def test_an_answer_to_another_question_changes_nothing() -> None:
     assert rig.now == before
 
 
+def test_an_answer_about_a_state_that_is_no_more_does_not_bring_it_back() -> None:
+    rig = Rig()
+    rig.wait(0.4)
+    question = rig.question
+    assert not rig.now.executing
+    rig.measure("left.at", "dropped")
+    rig.do(Answered(rig.at, question.revision, recover(rig.station.model, question.request, PLANNERS)))
+    assert rig.notes("stale")
+    assert rig.value("left.at") == "dropped"
+
+
 def test_while_the_planners_think_nothing_new_is_commanded() -> None:
     rig = Rig().begin()
     rig.measure("left.at", "dropped")
