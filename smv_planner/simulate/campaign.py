@@ -153,6 +153,7 @@ class Campaign:
             if name in world.down:
                 world.restart_hub(name)
             self.behave(name, Behaviour(delay=self.swarm.pace))
+            self.repair(name)
         for process in world.processes:
             world.wake(process)
         if not world.process.alive or world.situation.phase is Phase.FENCED_OUT:
@@ -303,6 +304,11 @@ class Campaign:
             self.world.restart_hub(name)
             self.behave(name, behaviour)
 
+    def repair(self, name: str) -> None:
+        """What does not happen because it has failed gets another chance."""
+        emulator = self.world.hubs[name]
+        self.world.hubs[name] = replace(emulator, device=replace(emulator.device, begun=(), seen=None))
+
     def spoil_effect(self, trouble: Trouble, name: str, draw: Draw) -> bool:
         device = self.world.hubs[name].device
         effects = [e for e in device.effects if e.expected]
@@ -311,6 +317,7 @@ class Campaign:
         effect, behaviour = draw_one(effects, draw.of("effect")).name, device.behaviour
         match trouble:
             case Trouble.EFFECT_FAILS:
+                self.world.later(20.0 * draw.unit("repaired"), lambda: self.repair(name))
                 behaviour = replace(behaviour, failing={**behaviour.failing, effect: 1})
             case Trouble.EFFECT_LATE:
                 behaviour = replace(behaviour, delays={**behaviour.delays, effect: 1.0 + draw.unit("how late")})
