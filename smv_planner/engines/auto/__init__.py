@@ -8,7 +8,7 @@ where the search stopped, in turns with a search for an inductive proof that the
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
-from smv_planner.engines.auto.search import Ended, Tables, explore
+from smv_planner.engines.auto.search import Ended, Paused, Tables, explore
 from smv_planner.engines.auto.session import Session, session_of
 from smv_planner.model.expressions import meaning
 from smv_planner.problem import (
@@ -44,6 +44,12 @@ SOME = 200
 BUDGET = 75_000
 """How many states the search looks at before others get their turn."""
 
+FOLDED = 20
+"""How many times as many states are looked at where each stands for many that differ by swaps of interchangeable things."""
+
+ALIKE = 6
+"""From how many interchangeable things on it stands for many."""
+
 BYTES_PER_NODE = 250
 
 SECONDS_PER_STATE = 200e-6
@@ -60,6 +66,7 @@ BYTES_PER_CLAUSE = 200
 
 SEARCHED = "breadth-first search looked at every shorter plan"
 ALL_SEEN = "breadth-first search looked at every state that can follow"
+FOLDING = "breadth-first search looked at every shorter plan, up to swaps of what is interchangeable"
 RELAXED = "relaxed reachability: out of reach even if no value were ever lost"
 PRESERVED = "property-directed reachability found conditions that every step preserves"
 """By which argument an answer was found, in words."""
@@ -162,39 +169,61 @@ def _of_the_whole(part: Part, proof: Proof) -> Projected:
 
 
 def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, means: Means) -> Found | int:
-    """Search states, and when they are not few, try relaxed reachability and leave out what does not matter.
+    """Search states; when they are not few, try relaxed reachability, and leave out what does not matter.
 
     A number says how many steps are at least needed.
     """
-    looked = False
     few = SOME if warm.abstracted(ground) else FEW
-    for found in explore(tables, problem):
-        if isinstance(found, Reached):
-            return replace(found, argument=SEARCHED)
-        over = isinstance(found, Ended) or found.number > means.states or found.depth > problem.bound
-        if not looked and (over or found.number > few):
-            looked = True
-            proof = out_of_reach(warm.abstraction(ground), ground, problem)
-            if proof:
-                return Unreachable(proof, RELAXED)
-            part = warm.parts(ground).needed(problem)
-            if part:
-                return by_parts(problem, warm, [part], means)
+    searching = explore(tables, problem)
+    found = _search(searching, problem, min(few, means.states), means.on_time)
+    if isinstance(found, Paused | Ended):
+        proof = out_of_reach(warm.abstraction(ground), ground, problem)
+        if proof:
+            return Unreachable(proof, RELAXED)
+        part = warm.parts(ground).needed(problem)
+        if part:
+            return by_parts(problem, warm, [part], means)
+    fold = None
+    if isinstance(found, Paused) and found.number <= means.states and found.depth <= problem.bound:
+        fold = warm.symmetries(ground).fold(problem)
+        if fold is not None:
+            searching = explore(tables, problem, fold)
+        found = _search(
+            searching, problem, means.states * (FOLDED if fold is not None and fold.alike >= ALIKE else 1), means.on_time
+        )
+    if isinstance(found, Ended):
+        short = _short_proof(found, ground, problem, means.on_time, patience=1 if fold is None else FOLDED)
+        if short is None and fold is not None:
+            found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means.on_time)
+        if short is not None:
+            return Unreachable(short, PRESERVED)
         if isinstance(found, Ended):
-            short = _short_proof(found, ground, problem, means.on_time)
-            return Unreachable(short, PRESERVED) if short else Unreachable(found.proof(), ALL_SEEN)
-        if over:
-            return found.depth
-        if not means.on_time(f"{found.number} states, {found.depth} steps deep"):
+            return Unreachable(found.proof(), ALL_SEEN)
+    match found:
+        case Reached():
+            return replace(found, argument=SEARCHED if fold is None else FOLDING)
+        case Paused(depth):
+            return depth
+    return found
+
+
+def _search(
+    searching: Iterator[Reached | Ended | Paused], problem: Problem, states: int, on_time: OnTime
+) -> Reached | Ended | Paused | Late:
+    """Search until something is found, more than so many states were looked at, the bound is passed, or the time is."""
+    for found in searching:
+        if not isinstance(found, Paused) or found.number > states or found.depth > problem.bound:
+            return found
+        if not on_time(f"{found.number} states, {found.depth} steps deep"):
             return Late(found.depth)
     raise AssertionError("the search ends with a plan, at the bound, or because nothing is left")
 
 
-def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime) -> Inductive | None:
+def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime, patience: int) -> Inductive | None:
     """A proof by clauses, if one is found in less time than the kernel needs to check a proof by states."""
-    if ended.number <= MANY:
+    if ended.number * patience <= MANY:
         return None
-    ends = time.monotonic() + ended.number * SECONDS_PER_STATE
+    ends = time.monotonic() + ended.number * SECONDS_PER_STATE * patience
     for found in Frames(ground, problem).proof():
         if isinstance(found, Inductive):
             return found

@@ -65,6 +65,9 @@ class Reads:
 EXPRESSIONS = 200_000
 """Of how many expressions is kept what they read."""
 
+DEALT_OUT = 8
+"""How many conjuncts of an alternative are dealt out at most."""
+
 JUDGED = 1_000_000
 """How often conditions may have been judged before all that is remembered of them starts afresh."""
 
@@ -85,6 +88,7 @@ class Shared:
         self._actions: dict[int, tuple[Transition, tuple[Action, ...]]] = {}
         self._clauses: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}
         self._truths: dict[int, Truth] = {}
+        self._narrow: dict[int, tuple[Expr, tuple[tuple[Expr, ...], ...]]] = {}
         self._keeps: dict[tuple[int, int], tuple[Action, Expr, tuple[Expr, ...]]] = {}
 
     def actions(self, system: System) -> tuple[Action, ...]:
@@ -114,6 +118,39 @@ class Shared:
             self._truths[id(condition)] = Truth(self, condition, names)
         return self._truths[id(condition)]
 
+    def narrow(self, condition: Expr) -> tuple[tuple[Expr, ...], ...]:
+        """A condition that reads too much for one view, as several that all have to hold; of each what must not hold all.
+
+        What must not hold all are negated alternatives, each of which reads less. Alternatives that read little together
+        are one, and what all has to hold in an alternative is dealt out. Empty if the condition does not read too much.
+        """
+        if id(condition) not in self._narrow:
+            found = self._in_turn(alternatives(condition)) if self._wide([condition]) else ()
+            self._narrow[id(condition)] = condition, tuple(map(self._grouped, found))
+        return self._narrow[id(condition)][1]
+
+    def _wide(self, parts: Iterable[Expr]) -> bool:
+        return self.packing.mask(frozenset().union(*map(self.reads, parts))).bit_count() > VIEW_BITS
+
+    def _in_turn(self, parts: tuple[Expr, ...]) -> Iterator[tuple[Expr, ...]]:
+        for at, part in enumerate(parts):
+            inner = tuple(conjuncts(part)) if self._wide([part]) else ()
+            if 1 < len(inner) <= DEALT_OUT:
+                for one in inner:
+                    yield from self._in_turn((*parts[:at], *alternatives(one), *parts[at + 1 :]))
+                return
+        yield parts
+
+    def _grouped(self, parts: tuple[Expr, ...]) -> tuple[Expr, ...]:
+        groups: list[list[Expr]] = []
+        for part in parts:
+            room = next((group for group in groups if not self._wide([*group, part])), None)
+            if room is None:
+                groups.append([part])
+            else:
+                room.append(part)
+        return tuple(negation(disjunction(group)) for group in groups)
+
     def trim(self) -> None:
         """Forget what is only remembered to be quicker, if that has become much."""
         self.reads.trim()
@@ -121,7 +158,7 @@ class Shared:
             self.judged = 0
             for truth in self._truths.values():
                 truth.clear()
-            for known in (self._actions, self._clauses, self._truths, self._keeps, self._substituted):
+            for known in (self._actions, self._clauses, self._truths, self._narrow, self._keeps, self._substituted):
                 known.clear()
 
     def _after(self, parts: tuple[Expr, ...], assigned: Mapping[str, Expr]) -> Expr:

@@ -6,12 +6,12 @@ transitions, what is usable, what is allowed and what the formula asks for are a
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
-from smv_planner.engines.auto.grounding import Ground, Truth, View, needs_of, views
+from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
+from smv_planner.engines.auto.symmetry import Fold
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State
@@ -68,9 +68,10 @@ class Tables:
         self.packing = of.packing
         self._count = len(of.actions)
         self.allowed = 1 << self._count
-        self.full = (1 << self._count + 1) - 1
         enabled = ((action.conditions, 1 << at) for at, action in enumerate(of.actions))
-        self.views = views(of.shared, needs_of([*enabled, (of.clauses, self.allowed)]), self.full, of.shared.truth)
+        needs, self._unless = taken_apart(needs_of([*enabled, (of.clauses, self.allowed)]), self._count + 1, of.shared)
+        self.full = (1 << self._count + 1 + len(self._unless)) - 1
+        self.views = views(of.shared, needs, self.full, of.shared.truth)
         self.moves = tuple(self._move(at) for at in range(self._count))
         self._ways: dict[int, dict[int, Way]] = {}
 
@@ -80,6 +81,9 @@ class Tables:
 
     def way(self, mask: int, usable: int) -> Way:
         """What can be done where the views leave `mask`. Whether a state is allowed is judged when it is looked at."""
+        for bit, needing in self._unless:
+            if mask & bit:
+                mask &= ~needing
         enabled = mask & usable
         first = enabled & self.ground.automatic
         if first:
@@ -118,6 +122,25 @@ class Tables:
             return Move(at, keep, put, None)
         reads = frozenset(name for value in action.assigned.values() for name in variables_of(value))
         return Move(at, keep, 0, Computed(self.ground, dict(action.assigned), reads))
+
+
+def taken_apart(needs: Mapping[Expr, int], first: int, shared: Shared) -> tuple[dict[Expr, int], list[tuple[int, int]]]:
+    """Conditions that read too much for one view, by what reads less.
+
+    An alternative that holds clears a bit, from `first` on. A bit that is left says that none of them holds; with it comes
+    what needs the condition, which then is impossible.
+    """
+    narrow: dict[Expr, int] = {}
+    unless: list[tuple[int, int]] = []
+    for condition, bits in needs.items():
+        for refused in shared.narrow(condition):
+            bit = 1 << first + len(unless)
+            unless.append((bit, bits))
+            for alternative in refused:
+                narrow[alternative] = narrow.get(alternative, 0) | bit
+        if not shared.narrow(condition):
+            narrow[condition] = narrow.get(condition, 0) | bits
+    return narrow, unless
 
 
 @dataclass(frozen=True, slots=True)
@@ -175,10 +198,11 @@ class Watch:
         return self._numbers[owed]
 
 
-def explore(tables: Tables, problem: Problem, chunk: int = 2048) -> Iterator[Reached | Ended | Paused]:
+def explore(tables: Tables, problem: Problem, fold: Fold | None = None, chunk: int = 2048) -> Iterator[Reached | Ended | Paused]:
     """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
 
-    The first hit is a shortest plan. The initial state has to be allowed.
+    The first hit is a shortest plan. The initial state has to be allowed. With `fold`, one of all nodes that fold into
+    the same is looked at; what has `Ended` then has no proof.
     """
     packing, width = tables.packing, tables.packing.width
     watch = Watch(tables.ground, problem)
@@ -190,6 +214,9 @@ def explore(tables: Tables, problem: Problem, chunk: int = 2048) -> Iterator[Rea
     full, watched = tables.full, watch.full
 
     start = packing.pack(problem.initial)
+    if fold is not None:
+        start = fold(start)
+        folded = fold.part
     parent: dict[int, int] = {start: start}
     forbidden: set[int] = set()
     frontier = [start]
@@ -217,16 +244,22 @@ def explore(tables: Tables, problem: Problem, chunk: int = 2048) -> Iterator[Rea
             else:
                 duty = duties[key] = watch.duty(*key)
             if duty is None:
-                yield _trace(tables, watch, problem, node, parent)
+                yield _trace(tables, problem, node, parent, fold)
                 return
             for left in duty:
                 for keep, put in way.fixed:
                     new = node & keep | put | left
+                    if fold is not None:
+                        part = new & folded
+                        new ^= part ^ fold[part]
                     if new not in parent:
                         parent[new] = node
                         following.append(new)
                 for keep, computed in way.computed:
                     new = node & keep | computed[node & computed.part] | left
+                    if fold is not None:
+                        part = new & folded
+                        new ^= part ^ fold[part]
                     if new not in parent:
                         parent[new] = node
                         following.append(new)
@@ -243,25 +276,31 @@ def explore(tables: Tables, problem: Problem, chunk: int = 2048) -> Iterator[Rea
     )
 
 
-def _trace(tables: Tables, watch: Watch, problem: Problem, node: int, parent: dict[int, int]) -> Reached:
-    low = (1 << tables.packing.width) - 1
+def _trace(tables: Tables, problem: Problem, node: int, parent: dict[int, int], fold: Fold | None) -> Reached:
     nodes = [node]
     while parent[node] != node:
         node = parent[node]
         nodes.append(node)
-    nodes.reverse()
+    packing = tables.packing
+    low = (1 << packing.width) - 1
     usable = tables.ground.usable(problem.unusable)
-    path = [_name(tables, usable, before & low, after & low) for before, after in itertools.pairwise(nodes)]
-    return Reached(tuple(path), tuple(tables.packing.unpack(node & low) for node in nodes))
+    now = packing.pack(problem.initial)
+    path, states = [], [problem.initial]
+    for wanted in reversed(nodes[:-1]):
+        name, now = next(
+            step for step in _steps(tables, usable, now) if wanted & low == (step[1] if fold is None else fold(step[1]))
+        )
+        path.append(name)
+        states.append(packing.unpack(now))
+    return Reached(tuple(path), tuple(states))
 
 
-def _name(tables: Tables, usable: int, before: int, after: int) -> str:
+def _steps(tables: Tables, usable: int, before: int) -> Iterator[tuple[str, int]]:
+    """The steps from a packed state, by the names of their transitions."""
     mask = tables.full
     for view in tables.views:
         mask &= view[before & view.part]
     for at in tables.way(mask, usable).actions:
         move = tables.moves[at]
         put = move.put if move.computed is None else move.computed[before & move.computed.part]
-        if before & move.keep | put == after:
-            return tables.ground.actions[at].transition.name
-    raise AssertionError("a node follows on its parent by one of the parent's actions")
+        yield tables.ground.actions[at].transition.name, before & move.keep | put

@@ -13,6 +13,7 @@ from smv_planner.engines.auto.grounding import Ground, Shared, ground
 from smv_planner.engines.auto.parts import Part, Parts
 from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Tables
+from smv_planner.engines.auto.symmetry import Symmetries
 from smv_planner.model.system import Invariant, System
 
 SYSTEMS = 64
@@ -36,6 +37,7 @@ class Session:
         self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
         self._abstractions: dict[Ground, Abstraction] = {}
         self._parts: dict[Ground, Parts] = {}
+        self._symmetries: dict[Ground, Symmetries] = {}
         self._sessions: WeakKeyDictionary[Part, Session] = WeakKeyDictionary()
         self._unrolled: Unrolled | None = None
         self._asked = 0
@@ -52,6 +54,7 @@ class Session:
             _, dropped, _ = self._variants.pop(next(iter(self._variants)))
             self._abstractions.pop(dropped, None)
             self._parts.pop(dropped, None)
+            self._symmetries.pop(dropped, None)
         _, of, tables = found
         self.shared.trim()
         tables.trim()
@@ -71,6 +74,11 @@ class Session:
         if of not in self._parts:
             self._parts[of] = Parts(of)
         return self._parts[of]
+
+    def symmetries(self, of: Ground) -> Symmetries:
+        if of not in self._symmetries:
+            self._symmetries[of] = Symmetries(of)
+        return self._symmetries[of]
 
     def of_part(self, part: Part) -> Session:
         """What is kept of a part of the system; for as long as the part is."""
