@@ -64,7 +64,11 @@ class _Recovery:
                 return self.going_on(request.executing, request.course, kept)
         executing, course = request.executing, request.course
         if not request.wanted:
-            return self.ask_for_help() if request.given_up else self.going_on((), None, None)
+            if not request.given_up:
+                return self.going_on((), None, None)
+            # What executes was to be completed with the operator's help, and that plan does not hold any more.
+            self.failed |= {execution.task.name: "cannot be completed as it was planned" for execution in executing}
+            return self.ask_for_help()
         if course is not None and not self.leads_on(course, executing):
             course = None
         wanted = request.wanted

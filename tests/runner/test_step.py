@@ -352,6 +352,23 @@ def test_nothing_goes_on_under_the_hands_of_the_operator() -> None:
     assert rig.sent("left")[-1].values == {"left.to": "out"}
 
 
+def test_a_planner_that_starts_anew_asks_the_operator_again() -> None:
+    rig = _dropped()
+    rig.do(Began(rig.at, "q"))
+    rig.wait(1.0)
+    while rig.now.asked:
+        rig.answer()
+    assert [one.transition for one in rig.instructions] == ["left.lift", "left.lift"]
+    rig.measure("left.at", "home")
+    rig.order(Confirm(rig.instructions[-1].request))
+    while rig.now.asked:
+        rig.answer()
+    rig.measure("left.at", "out")
+    while rig.now.asked:
+        rig.answer()
+    assert "'both' is finished" in rig.notes("intention")
+
+
 def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows_it_again() -> None:
     rig = Rig().begin()
     for times in range(1, 4):
