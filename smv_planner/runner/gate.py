@@ -31,9 +31,9 @@ def refused(station: Station, now: Situation, resource: str, values: Mapping[str
     if resource in now.lost:
         return f"'{resource}' is not there to obey"
     lifted = _lifted(now.following)
-    broken = [name for name, holds in station.allowed.items() if name not in lifted and not holds(now.state)]
+    broken = station.broken(now.state) - lifted
     if broken:
-        return f"'{broken[0]}' would be violated, or could be without any further command"
+        return f"'{min(broken)}' would be violated, or could be without any further command"
     return None
 
 

@@ -50,8 +50,8 @@ def clocks(station: Station, now: Situation) -> Mapping[str, float]:
     state, timers, at = now.state, now.timers, now.at
     return {
         name: timers.get(name, at)
-        for name, enabled in station.enabled.items()
-        if name not in now.disabled and enabled(state) and _observable(station, now, name)
+        for name in station.begun(state)
+        if name not in now.disabled and _observable(station, now, name)
     }
 
 
@@ -66,6 +66,8 @@ def overdue(station: Station, now: Situation) -> tuple[str, ...]:
 
 
 def _observable(station: Station, now: Situation, name: str) -> bool:
+    if not now.lost:
+        return True
     effect: Transition = station.system.transition[name]
     touched = {station.system.resources[variable] for variable in effect.assigned} | {effect.resource}
     return touched.isdisjoint(now.lost)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
+from typing import TypeVar
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
@@ -128,6 +129,13 @@ class Situation:
     stuck: str | None = None
     rejected: Mapping[str, int] = field(default_factory=dict)
 
+    def but(self, **changes: object) -> Situation:
+        """The same with some fields changed: `dataclasses.replace` takes four times as long, and this is asked all the time."""
+        new = object.__new__(Situation)
+        new.__dict__.update(self.__dict__)
+        new.__dict__.update(changes)
+        return new
+
     def wanted(self) -> list[str]:
         """The intentions that are pursued."""
         return [name for name, pursuit in self.intentions.items() if pursuit.status is Status.EXECUTING]
@@ -216,12 +224,50 @@ class Station:
 
     def steps(self, executing: Sequence[Execution]) -> Steps:
         """The automatic transitions and the completions of executing operations."""
-        return _steps(stage_system(self.model, executing))
+        known = self._stage
+        if known is None or known[0] is not executing:  # most of the time nothing begins or ends
+            known = self.__dict__["_stage"] = executing, _steps(stage_system(self.model, executing))
+        return known[1]
+
+    @cached_property
+    def _stage(self) -> tuple[Sequence[Execution], Steps] | None:
+        return None
+
+    def broken(self, state: State) -> frozenset[str]:
+        """The invariants that do not hold in a state, as widened."""
+        return _recalled(self._broken, state, lambda: frozenset(name for name, holds in self.allowed.items() if not holds(state)))
+
+    def begun(self, state: State) -> tuple[str, ...]:
+        """The effects with a time limit that are enabled in a state."""
+        return _recalled(self._begun, state, lambda: tuple(name for name, enabled in self.enabled.items() if enabled(state)))
+
+    @cached_property
+    def _broken(self) -> dict[State, frozenset[str]]:
+        return {}
+
+    @cached_property
+    def _begun(self) -> dict[State, tuple[str, ...]]:
+        return {}
 
     @cached_property
     def judges(self) -> dict[object, Judge]:
         """Predicates compiled so far; a cache, and nobody's business but the runner's."""
         return {}
+
+
+RECALLED = 1000
+"""States for which it is remembered what holds in them. A station stands in the same one for many ticks."""
+
+T = TypeVar("T")
+
+
+def _recalled(known: dict[State, T], state: State, judged: Callable[[], T]) -> T:
+    found = known.get(state)
+    if found is None:
+        if len(known) >= RECALLED:
+            known.clear()
+        found = known[state] = judged()
+    return found
 
 
 @lru_cache(maxsize=64)

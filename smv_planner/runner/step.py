@@ -66,7 +66,7 @@ _GRAVITY = (Cause.PROGRESS, Cause.RESUMED, Cause.CHANGED, Cause.DEVIATION, Cause
 
 def step(station: Station, situation: Situation, event: Event) -> tuple[Situation, tuple[Output, ...]]:
     """The situation after an event, and what is to be done about it."""
-    turn = _Turn(station, replace(situation, at=event.at))
+    turn = _Turn(station, situation.but(at=event.at))
     match event:
         case Began(_, planner):
             turn.begin(planner)
@@ -92,7 +92,7 @@ class _Turn:
         self.out: list[Output] = []
 
     def set(self, **changes: object) -> None:
-        self.now = replace(self.now, **changes)  # type: ignore[arg-type]
+        self.now = self.now.but(**changes)
 
     def note(self, kind: str, text: str, **data: object) -> None:
         self.out.append(Note(kind, text, data))
@@ -796,7 +796,7 @@ class _Turn:
         """Operations that are done, intentions that begin or end, invariants that are broken or hold again."""
         if not (self.now.halted or self.at_work()) and (self.operations_end() or self.intentions_move()):
             return True
-        broken = frozenset(name for name, holds_ in self.station.allowed.items() if not holds_(self.now.state))
+        broken = self.station.broken(self.now.state)
         if broken != self.now.broken:
             self.guard_invariants(broken)
         following = self.now.following
@@ -946,7 +946,7 @@ class _Turn:
         else:
             return False
         lifted = following.lifted if following.purpose is Purpose.EXIT else frozenset()
-        if any(not holds_(state) for name, holds_ in self.station.allowed.items() if name not in lifted):
+        if self.station.broken(state) - lifted:
             return False
         changes = self.system.changes(self.now.state, state)
         self.reach(state)
