@@ -43,14 +43,15 @@ def arrivals(weather: Weather, payload: bytes, draw: Draw) -> tuple[Arrival, ...
         return (Arrival(TRAVEL, payload),)
     if draw.unit("loss") < weather.loss:
         return ()
-    copies = 2 if draw.unit("twice") < weather.twice else 1
-    return tuple(_arrival(weather, payload, draw.of(copy)) for copy in range(copies))
+    if weather.twice and draw.unit("twice") < weather.twice:
+        return _arrival(weather, payload, draw), _arrival(weather, payload, draw.of("again"))
+    return (_arrival(weather, payload, draw),)
 
 
 def _arrival(weather: Weather, payload: bytes, draw: Draw) -> Arrival:
-    held_up = draw.unit("late") < weather.late
+    held_up = weather.late and draw.unit("late") < weather.late
     after = TRAVEL + (draw.unit("how late") * weather.longest if held_up else 0.0)
-    if draw.unit("damage") < weather.damage:
+    if weather.damage and draw.unit("damage") < weather.damage:
         return Arrival(after, damaged(payload, draw), sound=False)
     return Arrival(after, payload)
 

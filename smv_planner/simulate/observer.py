@@ -29,7 +29,7 @@ from smv_planner.model.system import Kind, State, System, Transition, VariableKi
 from smv_planner.protocol.messages import GoalMessage, StateMessage, decode_goal
 from smv_planner.runner import events
 from smv_planner.runner.decision import Following, Purpose
-from smv_planner.runner.events import Answered, Approve, Ask, Consent, Event, Note, Ordered, Output
+from smv_planner.runner.events import Answered, Approve, Ask, Consent, Event, Note, Ordered, Output, Send
 from smv_planner.runner.situation import Phase, Situation, Station
 from smv_planner.simulate.process import Process
 from smv_planner.simulate.world import Watch, World
@@ -88,6 +88,8 @@ class Observer(Watch):
         self._epochs: dict[int, int] = {}
         self._obeyed: dict[str, tuple[str, int]] = {}
         self._accepted: dict[int, CheckedPlan] = {}
+        self._judged: dict[State, frozenset[str]] = {}
+        self._true: dict[str, object] = {}
         self._sent_at: dict[tuple[str, str, int], float] = {}
         self.world: World | None = None
 
@@ -137,8 +139,9 @@ class Observer(Watch):
             case events.Heard(_, message):
                 self.heard(process, message)
         self.decided(reign, event, before, after)
-        self.bounded(after)
-        if not outputs:
+        if isinstance(event, events.Tick):
+            self.bounded(after)
+        if all(isinstance(output, Send) for output in outputs):
             return
         state = self.believed(reign, event, before, after)
         broken = self.forbidden(state)
@@ -193,7 +196,8 @@ class Observer(Watch):
         for name, heard in reign.heard.items():
             if name not in after.heard:
                 continue
-            adopted = name not in before.heard or before.phase is not Phase.RUNNING or name in before.lost
+            back = name in before.lost and name not in after.lost
+            adopted = name not in before.heard or before.phase is not Phase.RUNNING or back
             rebooted = before.hubs[name].state is not None and before.hubs[name].state.boot != heard.message.boot  # type: ignore[union-attr]
             for variable, value in heard.message.measured.items():
                 at = self.system.index[variable]
@@ -370,11 +374,18 @@ class Observer(Watch):
 
     def moved(self, name: str) -> None:
         assert self.world is not None
-        hub = self.world.hubs[name].hub
+        emulator = self.world.hubs[name]
+        hub, measured = emulator.hub, emulator.device.measured
+        known = hub.boot, hub.epoch, hub.goal, measured
+        if self._true.get(name) == known:
+            return
+        self._true[name] = known
         boot, epoch = self._obeyed.get(name, ("", 0))
         if boot == hub.boot and hub.epoch < epoch:
             self.complain("fence", f"'{name}' goes back from epoch {epoch} to {hub.epoch}")
         self._obeyed[name] = hub.boot, hub.epoch
+        for invariant in self.truly_broken():
+            self.broken_in_truth[invariant] += 1
 
     def truly_broken(self) -> list[str]:
         """The declared invariants that do not hold of what hubs obey and devices measure."""
@@ -386,8 +397,11 @@ class Observer(Watch):
 
     # --- states
 
-    def forbidden(self, state: State) -> set[str]:
-        return {name for name, holds in self._widened.items() if not holds(state)}
+    def forbidden(self, state: State) -> frozenset[str]:
+        found = self._judged.get(state)
+        if found is None:
+            found = self._judged[state] = frozenset(name for name, holds in self._widened.items() if not holds(state))
+        return found
 
     def changed(self, state: State, changes: object) -> State:
         assert isinstance(changes, Mapping)

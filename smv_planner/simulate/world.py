@@ -112,6 +112,7 @@ class World:
         self._frozen: dict[str, list[bytes]] = {}
         self._carried = 0
         self._goals: dict[str, tuple[bytes, GoalMessage]] = {}
+        self._encoded: dict[tuple[str, str], tuple[GoalMessage, bytes]] = {}
         self._truth = self.truth()
         self._digest = blake2b(digest_size=16)
         self.processes: list[Process] = []
@@ -265,11 +266,17 @@ class World:
 
     def publish(self, process: Process, message: GoalMessage) -> None:
         self.sent.append((self.at, message))
-        payload = encode(message)
+        payload = self.encoded(process, message)
         self.record("goal", payload)
         self.watch.published(process, message, payload)
         name = message.resource
         self.carry(process.name, name, payload, lambda arrival: self.goal_arrives(name, arrival))
+
+    def encoded(self, process: Process, message: GoalMessage) -> bytes:
+        last = self._encoded.get((process.name, message.resource))
+        if last is None or last[0] != message:  # mostly it is the same again
+            last = self._encoded[process.name, message.resource] = message, encode(message)
+        return last[1]
 
     # --- the hubs
 
