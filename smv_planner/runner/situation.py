@@ -9,7 +9,7 @@ from functools import cached_property, lru_cache
 from typing import TypeVar
 
 from smv_planner.model.domains import Value
-from smv_planner.model.expressions import meaning
+from smv_planner.model.expressions import meaning, variables_of
 from smv_planner.model.ltl import Formula
 from smv_planner.model.model import Intention, Model, Resource
 from smv_planner.model.semantics import Steps, ready
@@ -212,6 +212,19 @@ class Station:
             task.operation.name: frozenset(r for v in variables[task.name] if (r := owner.get(v)) is not None)
             for task in tasks(self.model)
         }
+
+    @cached_property
+    def tied(self) -> Mapping[str, tuple[str, ...]]:
+        """For each controlled transition the resources whose goals it depends on: by its guard, or because an invariant
+        speaks of them and of what it assigns."""
+        owner, goals = self.system.resources, {v.name for v in self.system.variables if v.kind is VariableKind.GOAL}
+        read = [variables_of(w.invariant.predicate) for w in self.widened]
+        tied = {}
+        for transition in self.system.transitions:
+            if transition.kind is Kind.CONTROLLED:
+                used = transition.used.union(*(names for names in read if names & transition.assigned))
+                tied[transition.name] = tuple(sorted({r for v in used & goals if (r := owner[v]) is not None}))
+        return tied
 
     @property
     def decision_index(self) -> Mapping[str, int]:

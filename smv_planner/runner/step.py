@@ -217,7 +217,7 @@ class _Turn:
             self.may_regain(name)
             return True
         if known is not None and known.measured == message.measured:
-            return self.now.phase is Phase.JOINING or bool(hubs.stuck(view, self.station.resources[name].mirror_within))
+            return known.mirror != message.mirror or bool(hubs.stuck(view, self.station.resources[name].mirror_within))
         self.measure(name, message.measured)
         return True
 
@@ -927,12 +927,21 @@ class _Turn:
         return False
 
     def obeyed(self, transition: Transition) -> bool:
-        """Whether the hubs that a transition commands are there and obey this planner."""
+        """Whether the hubs that a transition commands are there and obey this planner, and those it depends on have followed.
+
+        A plan gives commands one after the other, and a network does not: what an earlier one asked of another hub may
+        still be on its way, and the two together forbidden.
+        """
         for name in sorted({r for v in transition.assigned if (r := self.system.resources[v]) is not None}):
             view = self.now.hubs.get(name)
             if view is not None and (name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner)):
                 return False
-        return True
+        return all(name in self.now.lost or self.mirrors(name) for name in self.station.tied.get(transition.name, ()))
+
+    def mirrors(self, name: str) -> bool:
+        """Whether a hub says that it obeys everything that is asked of it now."""
+        state = self.now.hubs[name].state
+        return state is not None and dict(state.mirror) == self.goal_state(name)
 
     def take(self, following: Following, at: int, transition: Transition) -> bool:
         """Fire a controlled transition as the plan has it; False if that is not possible in the present state."""

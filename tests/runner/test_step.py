@@ -109,6 +109,19 @@ def test_a_goal_changes_at_once_and_is_repeated_every_period() -> None:
     assert len(again) == 5
 
 
+def test_a_command_waits_until_the_hubs_that_it_depends_on_mirror_theirs() -> None:
+    rig = Rig(TWO_ARMS + "invariants:\n  right_first: left.to == home or right.to == out\n")
+    rig.wait(0.4)
+    rig.deaf = {"right"}
+    rig.answer()
+    assert rig.value("right.to") == "out"
+    rig.wait(0.4)
+    assert rig.value("left.to") == "home", "the message to the right arm got lost: both together would be forbidden"
+    rig.deaf = set()
+    rig.wait(0.4)
+    assert rig.value("left.to") == "out"
+
+
 def test_a_planned_effect_goes_on_with_the_plan_and_asks_nobody() -> None:
     rig = Rig().begin()
     rig.measure("left.at", "out")
@@ -400,6 +413,7 @@ def test_an_arm_that_slips_needs_the_operator_and_sensors_have_to_agree() -> Non
     rig.measure("left.at", "home")
     rig.order(Confirm(rig.instructions[-1].request))
     rig.order(Confirm(rig.instructions[-1].request))
+    rig.speak("left")
     assert rig.value("left.to") == "out"
     rig.measure("left.at", "out")
     while rig.now.asked:
