@@ -23,6 +23,7 @@ PLANTED = {
         "smv_planner/emulation/device.py",
         "import smv_planner.check",
     ),
+    "The emulated plant knows no planning": ("smv_planner/plant/serve.py", "import smv_planner.runner.events"),
     "The journal keeps bytes, whatever they say": ("smv_planner/journal/framing.py", "import smv_planner.model.domains"),
     "The bridge knows no planning": ("bridge/__init__.py", "import smv_planner.engines"),
 }

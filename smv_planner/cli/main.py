@@ -10,7 +10,7 @@ from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import check, outcome
+from smv_planner.cli import check, emulate, outcome, router
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -54,6 +54,24 @@ def parser() -> argparse.ArgumentParser:
         description="Print the JSON Schema of scenarios (draft 2020-12). Editors complete, explain and check with it.",
         epilog="A scenario that begins with '# yaml-language-server: $schema=FILE' tells an editor where it is.",
     )
+    router.add_router(
+        commands.add_parser(
+            "router",
+            help="run a Zenoh router, where no zenohd is at hand",
+            description="Run an embedded Zenoh router until interrupted. It listens on loopback; other addresses need "
+            "TLS and access control, or the word that they may be insecure.",
+        )
+    )
+    emulate.add_emulate(
+        commands.add_parser(
+            "emulate",
+            help="run hubs with emulated devices",
+            description="Run the hubs of a scenario, or some, with devices that do what the effects say, until "
+            "interrupted; or tell running ones what goes wrong.",
+            epilog=emulate.TELLING + emulate.EXAMPLES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
     return parser
 
 
@@ -66,6 +84,10 @@ def command(arguments: Sequence[str]) -> int:
             return check.check(asked)
         case "schema":
             return schema()
+        case "router":
+            return router.run_router(asked)
+        case "emulate":
+            return emulate.run_emulate(asked)
     raise AssertionError(asked.command)
 
 

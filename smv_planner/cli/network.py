@@ -1,0 +1,61 @@
+"""The arguments by which commands find each other on the network."""
+
+from __future__ import annotations
+
+import argparse
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from math import inf
+
+from bridge.endpoints import LOOPBACK, Tls
+from bridge.link import Link, LinkConfig, open_link
+from smv_planner.errors import Mistake, UsageError
+
+
+def add_network(parser: argparse.ArgumentParser, cell: bool = True) -> None:
+    group = parser.add_argument_group("the network")
+    group.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        action="append",
+        default=[],
+        help=f"where the Zenoh router is; repeatable (default: {LOOPBACK})",
+    )
+    if cell:
+        group.add_argument("--cell", metavar="NAME", help="which installation on this network (default: the scenario's name)")
+    add_security(group)
+
+
+def add_security(group: argparse._ArgumentGroup) -> None:
+    group.add_argument("--tls-authority", metavar="FILE", help="whose certificates are trusted, in PEM")
+    group.add_argument("--tls-certificate", metavar="FILE", help="our certificate")
+    group.add_argument("--tls-key", metavar="FILE", help="our key")
+    group.add_argument("--insecure-lan", action="store_true", help="use addresses of other machines without any protection")
+
+
+def tls(asked: argparse.Namespace) -> Tls | None:
+    """Raises UsageError if only some of the three files are named."""
+    files = asked.tls_authority, asked.tls_certificate, asked.tls_key
+    if not any(files):
+        return None
+    if not all(files):
+        hint = "--tls-authority, --tls-certificate and --tls-key go together"
+        raise UsageError([Mistake("TLS needs three files", hint)])
+    return Tls(*files)
+
+
+def link_config(asked: argparse.Namespace) -> LinkConfig:
+    return LinkConfig(tuple(asked.connect) or (LOOPBACK,), tls(asked), asked.insecure_lan)
+
+
+@contextmanager
+def linked(asked: argparse.Namespace, patient: bool = False) -> Iterator[Link]:
+    """A link as the arguments say; a patient one waits for the router to be started."""
+    with open_link(link_config(asked), inf if patient else 0.0) as link:
+        yield link
+
+
+def until_interrupted(seconds: float | None = None) -> None:
+    """Ctrl-C and SIGTERM are KeyboardInterrupt here (`outcome.run`)."""
+    threading.Event().wait(seconds)
