@@ -47,6 +47,9 @@ BUDGET = 75_000
 FOLDED = 20
 """How many times as many states are looked at where each stands for many that differ by swaps of interchangeable things."""
 
+STATES_PER_PAIR = 4
+"""How many states are looked at in the time in which relaxed reachability is set up for one action and one invariant."""
+
 ALIKE = 6
 """From how many interchangeable things on it stands for many."""
 
@@ -173,24 +176,28 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
 
     A number says how many steps are at least needed.
     """
-    few = SOME if warm.abstracted(ground) else FEW
-    searching = explore(tables, problem)
-    found = _search(searching, problem, min(few, means.states), means.on_time)
+    abstracted = warm.abstracted(ground)
+    searching, fold = explore(tables, problem), None
+    found = _search(searching, problem, min(SOME if abstracted else FEW, means.states), means.on_time)
+    if isinstance(found, Paused | Ended):
+        part = warm.parts(ground).needed(problem)
+        if part:
+            return by_parts(problem, warm, [part], means)
+    states = means.states
+    if _goes_on(found, problem, states):
+        fold = warm.symmetries(ground).fold(problem)
+    if fold is not None:
+        searching = explore(tables, problem, fold)
+        states = min(states * (FOLDED if fold.alike >= ALIKE else 1), means.memory // BYTES_PER_NODE)
+    if not abstracted and _goes_on(found, problem, states):
+        patience = max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR)
+        found = _search(searching, problem, min(patience, states), means.on_time)
     if isinstance(found, Paused | Ended):
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
             return Unreachable(proof, RELAXED)
-        part = warm.parts(ground).needed(problem)
-        if part:
-            return by_parts(problem, warm, [part], means)
-    fold = None
-    if isinstance(found, Paused) and found.number <= means.states and found.depth <= problem.bound:
-        fold = warm.symmetries(ground).fold(problem)
-        if fold is not None:
-            searching = explore(tables, problem, fold)
-        found = _search(
-            searching, problem, means.states * (FOLDED if fold is not None and fold.alike >= ALIKE else 1), means.on_time
-        )
+    if _goes_on(found, problem, states):
+        found = _search(searching, problem, states, means.on_time)
     if isinstance(found, Ended):
         short = _short_proof(found, ground, problem, means.on_time, patience=1 if fold is None else FOLDED)
         if short is None and fold is not None:
@@ -205,6 +212,11 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         case Paused(depth):
             return depth
     return found
+
+
+def _goes_on(found: Reached | Ended | Paused | Late, problem: Problem, states: int) -> bool:
+    """Whether a search has paused before its limits."""
+    return isinstance(found, Paused) and found.number <= states and found.depth <= problem.bound
 
 
 def _search(
