@@ -15,6 +15,7 @@ import smv_planner as sp
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.engines import Limits, auto, explicit
 from smv_planner.engines.auto.relaxed import out_of_reach
+from smv_planner.engines.auto.search import Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.model.domains import Bool, Enum, Range, Value
 from smv_planner.model.expressions import TRUE, Const, Expr, Var, conjunction, equality, meaning, negation
@@ -100,6 +101,19 @@ def test_a_warm_answer_is_a_cold_answer(seed: int, budget: int) -> None:
         assert same(answered, cold)
         assert same(answered, explicit.ask(problem, LIMITS))
         assert stands(problem, answered)
+
+
+def test_a_memo_that_leaks_into_the_next_question_is_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The test above can tell: moves remembered for one set of usable transitions are used for all."""
+    monkeypatch.setattr(Tables, "ways", lambda self, usable: self._ways.setdefault(0, {}))
+    leaked = 0
+    for seed in range(2000, 2030):
+        session_of.cache_clear()
+        for problem in questions_about_one_system(seed, 6):
+            answered = auto.ask(problem, LIMITS, BY_SEARCH)
+            leaked += not (same(answered, explicit.ask(problem, LIMITS)) and stands(problem, answered))
+    session_of.cache_clear()
+    assert leaked > 5
 
 
 def questions_about_one_system(seed: int, number: int) -> Iterator[Problem]:
