@@ -290,12 +290,16 @@ class _Turn:
         self.reach(tuple(state))
 
     def reach(self, state: State) -> None:
-        """The next state; what the intentions owe moves on when a decision variable changes."""
+        """The next state; what the intentions owe moves on when a decision variable changes.
+
+        An effect that is not enabled here starts anew when it is, even if that is at once (section 4.1).
+        """
         before = self.now.state
         if state == before:
             return
         owed = [n for n, p in self.now.intentions.items() if p.owed is not None]
-        self.set(state=state)
+        timers = {name: since for name, since in self.now.timers.items() if self.station.enabled[name](state)}
+        self.set(state=state, timers=timers)
         if not owed:
             return
         old, new = self.station.decisions(before), self.station.decisions(state)

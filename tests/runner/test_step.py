@@ -382,6 +382,38 @@ def test_a_planner_that_starts_anew_asks_the_operator_again() -> None:
     assert "'both' is finished" in rig.notes("intention")
 
 
+TABLE = """
+smv_planner: 1
+name: table
+resources:
+  table:
+    variables:
+      to: {kind: goal,     domain: {min: 1, max: 3}, initial: 1}
+      at: {kind: measured, domain: {min: 1, max: 3}, initial: 1}
+    transitions:
+      next:  {kind: controlled, guard: to == at and to < 3, actions: {to: to + 1}}
+      turns: {kind: effect, guard: to != at, actions: {at: to}, within: 2 s}
+decision:
+  turned: {domain: bool, initial: false}
+operations:
+  turn: {guard: not turned, effects: {turned: true}, goal: table.at == 3}
+intentions:
+  to_the_end: {start: not turned, goal: turned}
+"""
+
+
+def test_an_effect_that_has_happened_and_is_wanted_again_at_once_has_all_its_time_again() -> None:
+    rig = Rig(TABLE).begin()
+    assert rig.value("table.to") == 2
+    rig.wait(1.8)
+    rig.measure("table.at", 2)
+    assert rig.value("table.to") == 3
+    rig.wait(1.8)
+    assert not rig.notes("timeout")
+    rig.wait(0.6)
+    assert rig.notes("timeout")
+
+
 def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows_it_again() -> None:
     rig = Rig().begin()
     for times in range(1, 4):
