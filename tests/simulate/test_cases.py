@@ -10,7 +10,13 @@ from smv_planner.model.model import Model
 from smv_planner.simulate.script import case, texts
 
 
-@pytest.mark.parametrize("name", CASES)
+LONG = 3600.0
+"""A case that is given more virtual time than this is a long test."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.long] * (case.then.within > LONG)) for name, (_, case) in CASES.items()]
+)
 def test_a_case_comes_out_as_it_declares(name: str) -> None:
     assert play(name).run() == []
 
