@@ -233,12 +233,15 @@ class _Turn:
         waiting = [following.plan.trace.path[at] for at in following.ready()] if following else []
         row = monitor.explained(self.station, name, before, after, waiting)
         observed = [effect for effect in row or () if effect in self.now.disabled]
-        if observed:
+        planned = row is not None and self.follow(row)
+        # What an effect accounts for that is counted on may have happened without the operator.
+        mended = not planned and (row is None or bool(observed)) and self.by_operator(changes)
+        if observed and not mended:
             self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in observed}, recheck=True)
         self.change_seen(name)
-        if row and self.follow(row):
+        if row and planned:
             self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="planned")
-        elif self.by_operator(changes):
+        elif mended:
             self.note("measured", f"{name}: the operator's doing", resource=name, changes=changes, explained="maintenance")
         elif row:
             self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="enabled")

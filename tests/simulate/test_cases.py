@@ -9,7 +9,6 @@ from smv_planner.errors import ModelError
 from smv_planner.model.model import Model
 from smv_planner.simulate.script import case, texts
 
-
 LONG = 3600.0
 """A case that is given more virtual time than this is a long test."""
 
