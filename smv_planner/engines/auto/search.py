@@ -287,9 +287,10 @@ def _trace(tables: Tables, problem: Problem, node: int, parent: dict[int, int], 
     now = packing.pack(problem.initial)
     path, states = [], [problem.initial]
     for wanted in reversed(nodes[:-1]):
-        name, now = next(
-            step for step in _steps(tables, usable, now) if wanted & low == (step[1] if fold is None else fold(step[1]))
-        )
+        following = _steps(tables, usable, now)
+        step = next((step for step in following if wanted & low == (step[1] if fold is None else fold(step[1]))), None)
+        assert step is not None, "a node follows on its parent by one of the parent's actions"
+        name, now = step
         path.append(name)
         states.append(packing.unpack(now))
     return Reached(tuple(path), tuple(states))
