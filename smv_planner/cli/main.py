@@ -10,7 +10,7 @@ from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import check, emulate, outcome, router
+from smv_planner.cli import check, emulate, interface, outcome, router, run, watch
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -72,6 +72,34 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
     )
+    watch.add_watch(
+        commands.add_parser(
+            "watch",
+            help="show what is going on, to anybody on the network",
+            description="Show hubs, plan and events as they are published, without a scenario. With --mirror: say every "
+            "commanded field that its hub does not mirror in time, and exit with 1 if there was one, or if nothing was "
+            "commanded.",
+        )
+    )
+    interface.add_interface(
+        commands.add_parser(
+            "interface",
+            help="write what the driver of a resource has to know",
+            description="Print the interface of a resource as JSON: keys, variables with their domains, model, deadman reaction. "
+            "The hub library `bridge.hub` reads it, and so can any other program.",
+        )
+    )
+    run.add_run(
+        commands.add_parser(
+            "run",
+            help="plan for a station that runs: the daemon",
+            description="Run the planner daemon: it hears the hubs of a scenario, plans for its intentions and commands them, "
+            "until SIGTERM. SIGHUP has it read its scenario again.",
+        )
+    )
+    run.add_config(
+        commands.add_parser("config", help="print the daemon's settings", description="Print the settings that 'run' would use.")
+    )
     return parser
 
 
@@ -88,6 +116,14 @@ def command(arguments: Sequence[str]) -> int:
             return router.run_router(asked)
         case "emulate":
             return emulate.run_emulate(asked)
+        case "watch":
+            return watch.run_watch(asked)
+        case "interface":
+            return interface.run_interface(asked)
+        case "run":
+            return run.run(asked)
+        case "config":
+            return run.show_config(asked)
     raise AssertionError(asked.command)
 
 
