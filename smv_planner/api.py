@@ -296,24 +296,38 @@ class _Second:
         return verdict
 
     def _keep(self, problem: Problem, reason: str, one: Says, two: Says) -> Path:
-        """Write what reproduces a difference into a new folder."""
-        import tempfile
+        about = {"commands": [*filter(None, [self._command])], "question": self.opinion.asked + 1}
+        return keep_difference(self._model, problem, one, two, reason, about)
 
-        from smv_planner.planner.second_opinion import report
 
-        folder = Path(tempfile.mkdtemp(prefix="smv_planner-difference-"))
-        encoding = encoded(problem)
-        told = {
-            "difference": reason,
-            "model": {"name": self._model.name, "hash": self._model.hash},
-            "commands": [*filter(None, [self._command]), "NuSMV -source problem.cmd problem.smv"],
-            "question": self.opinion.asked + 1,
-            **report(problem, one, two),
-        }
-        (folder / "problem.smv").write_text(encoding.text, encoding="ascii")
-        (folder / "problem.cmd").write_text(encoding.script, encoding="ascii")
-        (folder / "difference.json").write_text(json.dumps(told, indent=2) + "\n", encoding="ascii")
-        return folder
+def keep_difference(
+    model: Model,
+    problem: Problem,
+    one: Says,
+    two: Says,
+    reason: str,
+    about: Mapping[str, object] | None = None,
+    within: str | None = None,
+) -> Path:
+    """Write what reproduces a difference between two engines into a new folder."""
+    import tempfile
+
+    from smv_planner.planner.second_opinion import report
+
+    folder = Path(tempfile.mkdtemp(prefix="smv_planner-difference-", dir=within))
+    encoding = encoded(problem)
+    commands = list(about.get("commands", [])) if about else []  # type: ignore[call-overload]
+    told = {
+        "difference": reason,
+        "model": {"name": model.name, "hash": model.hash},
+        **(about or {}),
+        "commands": [*commands, "NuSMV -source problem.cmd problem.smv"],
+        **report(problem, one, two),
+    }
+    (folder / "problem.smv").write_text(encoding.text, encoding="ascii")
+    (folder / "problem.cmd").write_text(encoding.script, encoding="ascii")
+    (folder / "difference.json").write_text(json.dumps(told, indent=2) + "\n", encoding="ascii")
+    return folder
 
 
 def _check(model: Model, asked: Question) -> None:

@@ -128,12 +128,14 @@ class Journal:
         self._end += len(framed)
         self._checksum = checksum
 
-    def anew(self, snapshot: Sequence[bytes]) -> None:
-        """Begin a new segment with records that stand for all before. Raises Unwritten; then it may be tried again.
+    def anew(self, snapshot: Sequence[bytes], model: str | None = None) -> None:
+        """Begin a new segment with records that stand for all before, from now on for another `model` if one is named.
+
+        Raises Unwritten; then it may be tried again.
 
         While there was no room for it the old segment goes on. Once it may have its name, nothing else counts.
         """
-        header = Header(self._header.model, self._header.segment + 1)
+        header = Header(model or self._header.model, self._header.segment + 1)
         try:
             begun = _prepare(self._disk, header, snapshot)
         except OSError as error:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import cached_property
 
@@ -124,6 +124,10 @@ class Model:
     sequence: Sequence | None = None
     period: float = 0.2
     on_error: OnError = OnError.CONTINUE
+
+    def __getstate__(self) -> dict[str, object]:
+        """What was worked out from a model does not travel to another process."""
+        return {each.name: getattr(self, each.name) for each in fields(self)}
 
     @cached_property
     def system(self) -> System:

@@ -27,7 +27,7 @@ from smv_planner.planner.operations import Task, tasks
 from smv_planner.planner.stage import goal_of, stage_system
 from smv_planner.planner.widening import Widened
 from smv_planner.problem import Goal, Problem, Reached
-from smv_planner.runner.decision import Following, Purpose
+from smv_planner.runner.decision import Following, Purpose, Request
 from smv_planner.runner.events import Event
 from smv_planner.runner.situation import Situation, Station
 from smv_planner.runner.step import step
@@ -55,11 +55,17 @@ def record(entry: Entry) -> bytes:
 
 def entry(payload: bytes, known: Known) -> Entry:
     """What a record says. Raises Unreadable."""
-    try:
-        found: Entry = _codec(Entry).meant(json.loads(payload, parse_constant=_no_number), known)
-    except (ValueError, TypeError, LookupError, RecursionError) as error:
-        raise Unreadable(f"this is no record of this model: {type(error).__name__}: {error}") from error
-    return found
+    return _understood(Entry, payload, known)  # type: ignore[no-any-return]
+
+
+def question(request: Request) -> bytes:
+    """A question to planners in another process."""
+    return _TO_JSON.encode(_codec(Request).said(request)).encode("ascii")
+
+
+def asked(payload: bytes, known: Known) -> Request:
+    """What was asked. Raises Unreadable."""
+    return _understood(Request, payload, known)  # type: ignore[no-any-return]
 
 
 def restored(station: Station, begun: Situation, payloads: Iterable[bytes], known: Known) -> Situation:
@@ -72,6 +78,13 @@ def restored(station: Station, begun: Situation, payloads: Iterable[bytes], know
             case event:
                 now, _ = step(station, now, event)
     return now
+
+
+def _understood(hint: Any, payload: bytes, known: Known) -> Any:
+    try:
+        return _codec(hint).meant(json.loads(payload, parse_constant=_no_number), known)
+    except (ValueError, TypeError, LookupError, RecursionError) as error:
+        raise Unreadable(f"this is no record of this model: {type(error).__name__}: {error}") from error
 
 
 _TO_JSON = json.JSONEncoder(ensure_ascii=True, allow_nan=False, separators=(",", ":"))

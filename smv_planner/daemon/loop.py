@@ -1,0 +1,307 @@
+"""The daemon's loop: one thread that owns the situation, one turn after the other.
+
+In a turn everything that has come in becomes events, the runner takes its steps, the journal is written, and only then is
+anything published. A turn that cannot be written has not happened: what was commanded last is said again, and the hubs
+hold.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections import Counter, deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from bridge import keys
+from bridge.link import Link, LinkError
+from smv_planner.daemon import documents, orders
+from smv_planner.daemon.chronicle import Chronicle
+from smv_planner.daemon.planners import Difference, Planners
+from smv_planner.protocol.messages import Rejected, StateMessage, decode_state, encode
+from smv_planner.runner.events import (
+    Answered,
+    Ask,
+    Began,
+    Consent,
+    Event,
+    Heard,
+    Instruct,
+    Note,
+    Order,
+    Ordered,
+    Output,
+    Send,
+    Tick,
+    Withdraw,
+)
+from smv_planner.runner.situation import Phase, Situation, Station
+from smv_planner.runner.step import step
+
+log = logging.getLogger("smv_planner.daemon")
+
+QUEUE = 64
+"""So many orders wait; more are refused."""
+
+SECOND = 1.0
+"""So often is everything said again, for those who have just come."""
+
+BREATH = 0.002
+"""Seconds between turns, so that a flood of messages is taken in lots."""
+
+ANSWER = 5.0
+"""Seconds that who orders something waits until it is in the journal."""
+
+
+@dataclass
+class Waiting:
+    """An order on its way into the journal."""
+
+    order: Order
+    done: threading.Event = field(default_factory=threading.Event)
+    refusal: str | None = None
+
+
+@dataclass
+class Pulse:
+    """How the loop is doing; `late` are seconds by which ticks came too late, newest last."""
+
+    ticks: int = 0
+    ticked_at: float = 0.0
+    missed: int = 0
+    late: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+    counts: Counter[str] = field(default_factory=Counter)
+
+
+class Daemon:
+    """`alarm` is set by whoever has something for the loop. `ticked` is called after each tick."""
+
+    def __init__(
+        self,
+        station: Station,
+        situation: Situation,
+        link: Link,
+        chronicle: Chronicle,
+        planners: Planners,
+        alarm: threading.Event,
+        clock: Callable[[], float] = time.monotonic,
+        ticked: Callable[[], None] = lambda: None,
+    ) -> None:
+        self.station, self.situation, self.link = station, situation, link
+        self.chronicle, self.planners, self.alarm, self.clock, self.ticked = chronicle, planners, alarm, clock, ticked
+        self.pulse = Pulse()
+        self.stopping = False
+        self._zero = clock() - situation.at  # time goes on from where the journal ends
+        self._due = clock()
+        self._published: dict[str, bytes] = {}
+        self._said_at = -SECOND
+        self._documents: dict[str, bytes] = {}
+        self._waiting: deque[Waiting] = deque()
+        self._unwritten: list[Began | Answered] = []
+        self._events = 0
+        cell = station.cell
+        self._mailbox = link.latest(keys.state(cell), wake=alarm.set)
+        for key in (keys.situation(cell), keys.plan(cell), keys.operator(cell)):
+            link.answer(key, lambda _, key=key: self._documents.get(key, b"null"))  # type: ignore[misc]
+        link.answer(keys.health(cell), lambda _: documents.encoded(self.health()))
+        link.answer(keys.order(cell), self.take_order)
+        link.alive(keys.planner(cell))
+
+    # --- from other threads ---------------------------------------------------------------------------------
+
+    def stop(self) -> None:
+        self.stopping = True
+        self.alarm.set()
+
+    def take_order(self, payload: bytes) -> bytes:
+        """An order, until it is in the journal. Raises UsageError or ValueError with the reason against it."""
+        order = orders.meant(payload, self.station, self.situation)
+        if len(self._waiting) >= QUEUE:
+            raise ValueError("too many orders are waiting")
+        waiting = Waiting(order)
+        self._waiting.append(waiting)
+        self.alarm.set()
+        if not waiting.done.wait(ANSWER):
+            raise ValueError("the planner has not taken it yet; it may still do")
+        if waiting.refusal:
+            raise ValueError(waiting.refusal)
+        return documents.encoded({"format": documents.FORMAT, "kind": "accepted", **orders.said(order)})
+
+    def health(self) -> dict[str, Any]:
+        """Whether all is well, and what is not."""
+        now, age = self.situation, self.clock() - self.pulse.ticked_at
+        wrong = []
+        if age > max(1.0, 5 * self.station.model.period):
+            wrong.append(f"the last tick was {age:.1f} s ago")
+        if self.chronicle.trouble:
+            wrong.append(self.chronicle.trouble)
+        if now.phase is Phase.FENCED_OUT:
+            wrong.append("another planner has taken over")
+        return {
+            **documents._head("health", self.station, now),
+            "healthy": not wrong,
+            "wrong": wrong,
+            "phase": now.phase.value,
+            "ticks": self.pulse.ticks,
+            "tick_age": round(age, 3),
+            "missed": self.pulse.missed,
+            "counts": dict(sorted(self.pulse.counts.items())),
+            "rejected": dict(now.rejected),
+        }
+
+    # --- the loop -------------------------------------------------------------------------------------------
+
+    def run(self, planner: str) -> None:
+        """Until told to stop."""
+        self._due = self.clock()
+        self.turn([Began(self.at(self._due), planner)])
+        while not self.stopping:
+            self.alarm.wait(max(0.0, self._due - self.clock()))
+            self.alarm.clear()
+            self.once(self.clock())
+            time.sleep(BREATH)
+
+    def at(self, clock: float) -> float:
+        """The planner's time, which never goes back."""
+        return max(clock - self._zero, self.situation.at)
+
+    def once(self, clock: float) -> None:
+        """Whatever there is to do now."""
+        period, tick = self.station.model.period, clock >= self._due
+        late = clock - self._due
+        if tick:
+            behind = int(late / period)
+            if late > max(SECOND, 5 * period):
+                # We were stopped. What waited in sockets is older than it looks: let hubs speak before anything is judged.
+                log.warning("the planner stood still for %.1f s", late)
+                self.pulse.missed += behind
+                self._mailbox.drain()
+                self._due = clock + 2 * period
+                return
+            at = self.at(self._due)  # when it should have been: else ticks that jitter would miss each other's period
+            self._due += (behind + 1) * period
+            self.pulse.missed += behind
+            self.pulse.late.append(late)
+        else:
+            at = self.at(clock)
+        taken = [self._waiting.popleft() for _ in range(len(self._waiting))]
+        events = [*self.heard(at), *self.answered(at), *(Ordered(at, waiting.order) for waiting in taken)]
+        if tick:
+            events.append(Tick(at))
+        refusal = None if not events or self.turn(events) else f"the planner holds: {self.chronicle.trouble}"
+        for waiting in taken:
+            waiting.refusal = refusal
+            waiting.done.set()
+        if tick:
+            self.pulse.ticks += 1
+            self.pulse.ticked_at = clock
+            self.tell(clock)
+            self.ticked()
+
+    def heard(self, at: float) -> list[Event]:
+        found: list[Event] = []
+        for key, payload in self._mailbox.drain():
+            interface = self.station.interfaces.get(keys.resource_of(key) or "")
+            if interface is None:
+                self.pulse.counts["rejected foreign"] += 1
+                continue
+            message = decode_state(payload, interface)
+            match message:
+                case StateMessage():
+                    self.pulse.counts["heard"] += 1
+                    found.append(Heard(at, message))
+                case Rejected(reason, detail):
+                    if not self.pulse.counts[f"rejected {reason.value}"]:
+                        log.warning("a message on '%s' is refused (%s): %s", key, reason.value, detail)
+                    self.pulse.counts[f"rejected {reason.value}"] += 1
+        return found
+
+    def answered(self, at: float) -> list[Event]:
+        found: list[Event] = [replace(each, at=at) for each in self._unwritten]
+        self._unwritten = []
+        for reply in self.planners.replies():
+            if isinstance(reply, Difference):
+                text = f"engines differ: {reply.reason}; '{reply.folder}' holds the question and both answers"
+                self.perform(Note("alarm", text, {"folder": reply.folder}))
+            else:
+                found.append(Answered(at, *reply))
+        return found
+
+    def turn(self, events: list[Event]) -> bool:
+        """Take steps, write, perform. False if it could not be written; then nothing has happened."""
+        now, outputs = self.situation, list[Output]()
+        for event in events:
+            now, wanted = step(self.station, now, event)
+            outputs += wanted
+        trouble = self.chronicle.trouble
+        if not self.chronicle.write(self.situation, now, events, outputs):
+            self._unwritten = [event for event in events if isinstance(event, Began | Answered)]
+            self.hold(new=trouble != self.chronicle.trouble)
+            return False
+        if trouble:
+            log.warning("the journal can be written again")
+        self.situation = now
+        for output in outputs:
+            self.perform(output)
+        return True
+
+    def hold(self, new: bool) -> None:
+        """Say again what was commanded last; nothing new may be."""
+        if new:
+            self.perform(Note("alarm", f"the planner holds: {self.chronicle.trouble}"))
+        for key, payload in self._published.items():
+            self.publish(key, payload)
+
+    def perform(self, output: Output) -> None:
+        match output:
+            case Send(message):
+                key, payload = keys.goal(message.cell, message.resource), encode(message)
+                self._published[key] = payload
+                self.publish(key, payload)
+            case Ask(revision, request):
+                self.planners.ask(revision, request)
+            case Instruct(request, transition, text):
+                self.note(Note("instruct", text, {"request": request, "transition": transition}))
+            case Consent(request, text):
+                self.note(Note("consent", text, {"request": request}))
+            case Withdraw(request):
+                self.note(Note("withdraw", f"request {request} is no longer wanted", {"request": request}))
+            case Note():
+                self.note(output)
+
+    def note(self, note: Note) -> None:
+        self._events += 1
+        self.pulse.counts[f"event {note.kind}"] += 1
+        level = logging.WARNING if note.kind in ("alarm", "lost", "timeout", "gate") else logging.INFO
+        log.log(level, "%s", note.text, extra={"event": note.kind, "at": round(self.situation.at, 3)})
+        document = documents.event(self.station, self.situation, note, self._events)
+        self.publish(keys.event(self.station.cell), documents.encoded(document))
+
+    def tell(self, clock: float) -> None:
+        """Publish what has changed, and all of it from time to time."""
+        cell, now = self.station.cell, self.situation
+        everything = clock - self._said_at >= SECOND
+        made: Mapping[str, Mapping[str, Any]] = {
+            keys.situation(cell): documents.situation(self.station, now),
+            keys.plan(cell): documents.plan(self.station, now),
+            keys.operator(cell): documents.operator(self.station, now),
+        }
+        for key, document in made.items():
+            # `at` alone is no change.
+            changed = documents.encoded({**document, "at": 0})
+            if everything or changed != self._documents.get(f"{key} without time"):
+                self._documents[f"{key} without time"] = changed
+                self._documents[key] = documents.encoded(document)
+                self.publish(key, self._documents[key])
+        if everything:
+            self._said_at = clock
+            self.publish(keys.health(cell), documents.encoded(self.health()))
+
+    def publish(self, key: str, payload: bytes) -> None:
+        try:
+            self.link.publish(key, payload)
+        except LinkError as error:  # the next period says it again
+            self.pulse.counts["not published"] += 1
+            log.debug("%s", error)

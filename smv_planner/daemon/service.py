@@ -1,0 +1,147 @@
+"""The daemon put together: scenario, journal, network, the process that plans, signals, systemd; and the other way round.
+
+SIGTERM and SIGINT end it, SIGHUP has it read its scenario again.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import secrets
+import signal
+import threading
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+from bridge.endpoints import Tls
+from bridge.link import LinkConfig, open_link
+from smv_planner import api, language
+from smv_planner.daemon import chronicle as chronicles
+from smv_planner.daemon import logs, metrics
+from smv_planner.daemon.loop import Daemon
+from smv_planner.daemon.notify import Notify
+from smv_planner.daemon.planners import Worker, job
+from smv_planner.daemon.reload import changes, moved
+from smv_planner.engines import ENGINES
+from smv_planner.errors import EngineError, Mistake, MistakesError, UsageError, did_you_mean
+from smv_planner.journal import Folder, Refused, Unwritten
+from smv_planner.model.model import Model
+from smv_planner.runner.records import Known, Unreadable
+from smv_planner.runner.situation import Station
+
+log = logging.getLogger("smv_planner.daemon")
+
+
+@dataclass
+class Signals:
+    """What signals have asked for. Handlers only set these: in a handler no lock may be taken."""
+
+    stop: bool = False
+    reload: bool = False
+
+    def listen(self) -> None:
+        def stop(*_: object) -> None:
+            self.stop = True
+
+        def reload(*_: object) -> None:
+            self.reload = True
+
+        signal.signal(signal.SIGTERM, stop)
+        signal.signal(signal.SIGINT, stop)
+        signal.signal(signal.SIGHUP, reload)
+
+
+def serve(model: Model, path: str, settings: Mapping[str, Any]) -> None:
+    """Plan for a station until told to stop. Raises UsageError, EngineError, LinkError."""
+    logs.begin(settings["log_format"], settings["log_level"])
+    signals, following = Signals(), model
+    while not signals.stop:
+        following = _reign(following, path, settings, signals)
+
+
+def _reign(model: Model, path: str, settings: Mapping[str, Any], signals: Signals) -> Model:
+    """One model's time; the model to go on with, unless it is all over."""
+    cell: str = settings["cell"]
+    station = Station(model, api.widened(model), cell)
+    known = Known(model, api.widened_system)
+    second = _second(settings["engine"], settings["second_opinion"])
+    notify = Notify()
+    with ExitStack() as stack:
+        try:
+            folder = Folder(settings["journal"])
+            stack.callback(folder.close)
+            chronicle, situation, torn = chronicles.opened(folder, station, known)
+        except (Refused, Unwritten, Unreadable) as error:
+            raise UsageError([Mistake(str(error), "--journal names another folder")]) from error
+        if torn:
+            log.warning("%d bytes that a crash left unfinished were cut off the journal", torn)
+        alarm = threading.Event()
+        asking = job(known, settings["engine"], settings["deadline"], second, settings["journal"])
+        worker = Worker(asking, known, alarm.set)
+        stack.callback(worker.close)
+        link = stack.enter_context(open_link(_link(settings), settings["wait"]))
+        signals.listen()
+        daemon = Daemon(station, situation, link, chronicle, worker, alarm)
+        stack.enter_context(metrics.served(daemon, settings["metrics"]))
+        coming: Model | None = None
+
+        def ticked() -> None:
+            nonlocal coming
+            notify("WATCHDOG=1")
+            if signals.reload:
+                signals.reload = False
+                coming = _reloaded(path, model)
+            if signals.stop or (coming is not None and not daemon.situation.executing):
+                daemon.stop()
+
+        daemon.ticked = ticked
+        log.info("cell '%s', model %s, process %d", cell, model.hash[:12], os.getpid())
+        notify("READY=1")
+        daemon.run(f"planner-{secrets.token_hex(4)}")
+        notify("STOPPING=1" if signals.stop else "RELOADING=1")
+        if coming is not None and not signals.stop:
+            chronicle.become(coming.hash, moved(coming, daemon.situation, model))
+            return coming
+        chronicle.close(daemon.situation)
+    return model
+
+
+def _reloaded(path: str, model: Model) -> Model | None:
+    """What the scenario says now, if that is something else and holds."""
+    try:
+        found = language.load(path)
+    except (MistakesError, OSError) as error:
+        log.error("the scenario has mistakes, the old one stays: %s", error)
+        return None
+    if found.hash == model.hash:
+        log.info("the scenario has not changed")
+        return None
+    for change in changes(model, found):
+        log.info("%s", change)
+    log.info("the new scenario takes over as soon as no operation executes; its hubs have to know it too")
+    return found
+
+
+def _second(engine: str, name: str) -> str | None:
+    """The engine of second opinions, if there is one here."""
+    for each in (engine, *([] if name == "none" else [name])):
+        if each not in ENGINES:
+            raise UsageError([Mistake(f"there is no engine '{each}'", did_you_mean(each, ENGINES) or ", ".join(ENGINES))])
+    missing = ENGINES[engine].available()
+    if missing:
+        raise EngineError(missing)
+    if name in ("none", engine):
+        return None
+    reason = ENGINES[name].available()
+    if reason:
+        log.info("no second opinions: %s", reason)
+    return None if reason else name
+
+
+def _link(settings: Mapping[str, Any]) -> LinkConfig:
+    files = [settings[name] for name in ("tls_authority", "tls_certificate", "tls_key")]
+    if any(files) and not all(files):
+        raise UsageError([Mistake("TLS needs three files", "tls_authority, tls_certificate and tls_key go together")])
+    return LinkConfig(tuple(settings["connect"]), Tls(*files) if all(files) else None, settings["insecure_lan"])
