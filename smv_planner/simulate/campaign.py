@@ -40,6 +40,16 @@ STEPS = 10
 """What a seed has to see and to do at least."""
 
 
+DECEIVING = {
+    Trouble.HUB_FORGETS,
+    Trouble.HUB_LIES,
+    Trouble.ASSIGNED,
+    Trouble.CONFIRMED_FALSELY,
+    Trouble.CONFIRMED_AGAIN,
+}
+"""After these what is believed may be false without anybody having made a mistake."""
+
+
 @dataclass(frozen=True, slots=True)
 class Report:
     """What came of a seed. `edges` counts what recovery did, by the names of Table 1 and of the runner's notes."""
@@ -218,6 +228,8 @@ class Campaign:
         }
         ways[Trouble.CUT_OFF] = ways[Trouble.DEAF] + ways[Trouble.UNHEARD]
         lasts = 0.2 + 4.0 * draw.unit("lasts") ** 2
+        if trouble in DECEIVING:
+            self.observer.excuse()
         match trouble:
             case Trouble.HUB_CRASHES | Trouble.HUB_FORGETS:
                 if name in world.down:
@@ -254,7 +266,7 @@ class Campaign:
                 self.doomed = draw_one(tuple(Moment), draw.of("moment"))
             case Trouble.PLANNER_TWICE:
                 self.reborn(world.process, beside=True)
-            case Trouble.ENGINE_FAILS | Trouble.ENGINE_LATE | Trouble.ENGINE_LIES:
+            case Trouble.ENGINE_FAILS | Trouble.ENGINE_LATE | Trouble.ENGINE_LIES | Trouble.ENGINE_REPEATS:
                 self.engine = trouble
                 world.later(lasts, self.repair_engine)
             case Trouble.ASSIGNED:
@@ -356,19 +368,21 @@ class Campaign:
     def repair_engine(self) -> None:
         self.engine = None
 
-    def think(self, request: Request) -> tuple[Decision, float]:
+    def think(self, request: Request) -> tuple[Decision, tuple[float, ...]]:
         self.questions += 1
         draw = self.draw.of("thinks", self.questions)
-        seconds = 0.005 + 0.1 * draw.unit("seconds") ** 2
-        planners = self.memory.planners
+        seconds, more = 0.005 + 0.1 * draw.unit("seconds") ** 2, 4.0 * draw.unit("more")
+        model, planners = self.station.model, self.memory.planners
         match self.engine:
             case Trouble.ENGINE_FAILS:
-                return recover(self.station.model, request, failing(planners)), seconds
+                return recover(model, request, failing(planners)), (seconds,)
             case Trouble.ENGINE_LIES:
-                return recover(self.station.model, request, lying(planners, draw)), seconds
+                return recover(model, request, lying(planners, draw)), (seconds,)
             case Trouble.ENGINE_LATE:
-                return self.memory(request), seconds + 4.0 * draw.unit("late")
-        return self.memory(request), seconds
+                return self.memory(request), (seconds + more,)
+            case Trouble.ENGINE_REPEATS:
+                return self.memory(request), (seconds, seconds + more)
+        return self.memory(request), (seconds,)
 
 
 T = TypeVar("T")

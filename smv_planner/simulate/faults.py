@@ -34,6 +34,7 @@ class Trouble(StrEnum):
     ENGINE_FAILS = "engine fails"
     ENGINE_LATE = "engine is late"
     ENGINE_LIES = "engine lies"
+    ENGINE_REPEATS = "answers come twice"
     ASSIGNED = "decision variable is set"
     PAUSED = "intention is paused"
     CANCELLED = "intention is cancelled"

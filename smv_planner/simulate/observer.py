@@ -12,6 +12,7 @@ I5  commands to a hub are numbered upwards within an epoch, epochs upwards, and 
 I6  no new command for a resource that is silent, or that does not do as it is told
 I7  the kernel accepts the plan, for this model
 I10 nothing grows without bound
+true  what hubs obey and devices do violates no invariant, unless people's hands or words, or a lie, have made it so
 fence  no two planners' commands are obeyed together
 """
 
@@ -29,7 +30,7 @@ from smv_planner.model.system import Kind, State, System, Transition, VariableKi
 from smv_planner.protocol.messages import GoalMessage, StateMessage, decode_goal
 from smv_planner.runner import events
 from smv_planner.runner.decision import Following, Purpose
-from smv_planner.runner.events import Answered, Approve, Ask, Consent, Event, Note, Ordered, Output, Send
+from smv_planner.runner.events import Answered, Approve, Ask, Confirm, Event, Instruct, Note, Ordered, Output, Send
 from smv_planner.runner.situation import Phase, Situation, Station
 from smv_planner.simulate.process import Process
 from smv_planner.simulate.world import Watch, World
@@ -67,11 +68,11 @@ class Reign:
     following: Following | None = None
     done: set[int] = field(default_factory=set)
     approved: set[int] = field(default_factory=set)
-    consents: dict[str, str] = field(default_factory=dict)
+    instructed: dict[str, str] = field(default_factory=dict)
+    confirmed: set[str] = field(default_factory=set)
+    enabled: dict[str, float] = field(default_factory=dict)
     question: int = 0
     written: int = 0
-    before: State = ()
-    held: frozenset[str] = frozenset()
 
 
 class Observer(Watch):
@@ -81,7 +82,7 @@ class Observer(Watch):
         self.station, self.system = station, station.system
         self.violations: list[Violation] = []
         self.counts: Counter[str] = Counter()
-        self.broken_in_truth: Counter[str] = Counter()
+        self.excused = 0.0
         self._widened = {w.declared.name: meaning(w.invariant.predicate, self.system.index) for w in station.widened}
         self._declared = {i.name: meaning(i.predicate, self.system.index) for i in station.model.invariants}
         self._reigns: dict[int, Reign] = {}
@@ -101,6 +102,12 @@ class Observer(Watch):
     @property
     def _at(self) -> float:
         return self.world.at if self.world else 0.0
+
+    def excuse(self, seconds: float = 30.0) -> None:
+        """Somebody does something that no model knows of; for a while the planner is not to blame for what is true."""
+        self.excused = max(self.excused, self._at + seconds)
+
+    handled = excuse
 
     def complain(self, rule: str, text: str) -> None:
         self.violations.append(Violation(self._at, rule, text))
@@ -138,6 +145,9 @@ class Observer(Watch):
         match event:
             case events.Heard(_, message):
                 self.heard(process, message)
+            case Ordered(_, Confirm(request)) if request in reign.instructed:
+                reign.confirmed.add(request)
+        self.clocks(reign, before, after)
         self.decided(reign, event, before, after)
         if isinstance(event, events.Tick):
             self.bounded(after)
@@ -150,8 +160,10 @@ class Observer(Watch):
             match output:
                 case Ask(revision):
                     reign.question = revision
-                case Consent(request, text):
-                    reign.consents[request] = text
+                case Instruct(request, transition):
+                    reign.instructed[request] = transition
+                case Note("timeout"):
+                    self.timed_out(reign, str(output.data["transition"]))
                 case Note("fired"):
                     moved = True
                     state = self.fired(process, reign, output, state, after, before)
@@ -169,15 +181,48 @@ class Observer(Watch):
 
     def decided(self, reign: Reign, event: Event, before: Situation, after: Situation) -> None:
         match event:
-            case Answered(_, revision, decision) if revision == reign.question and decision.undecided is None:
-                if decision.following is not None and after.following is not None:
+            case Answered(_, revision, decision) if revision == reign.question:
+                reign.question = 0
+                if decision.undecided is None and decision.following is not None and after.following is not None:
                     reign.following, reign.done = decision.following, set(decision.following.done)
                     reign.approved = set(decision.following.approved)
                     self.certified(decision.following.plan)
+                    self.counts_on(decision.following, before)
             case Ordered(_, Approve(request)) if request in before.wishes:
                 step = before.wishes[request].step
                 if step is not None:
                     reign.approved.add(step)
+
+    def counts_on(self, following: Following, before: Situation) -> None:
+        """A plan counts on nothing that was known not to happen when it was decided on."""
+        path = following.plan.trace.path
+        late = [name for at, name in enumerate(path) if at not in following.done and name in before.disabled]
+        if late:
+            self.complain("I7", f"a plan counts on '{late[0]}', which has timed out")
+
+    def clocks(self, reign: Reign, before: Situation, after: Situation) -> None:
+        """Since when each effect has been enabled in what is believed."""
+        if after.phase is not Phase.RUNNING:
+            reign.enabled.clear()
+        elif after.state is not before.state or before.phase is not Phase.RUNNING:
+            state, system = after.state, self.system
+            now = [e.name for e in self.station.effects if e.within is not None and fire(system, e, state)]
+            reign.enabled = {name: reign.enabled.get(name, self._at) for name in now}
+
+    def timed_out(self, reign: Reign, name: str) -> None:
+        within, since = self.system.transition[name].within, reign.enabled.get(name)
+        assert within is not None
+        if since is None or self._at - since < within - 1e-6:
+            self.complain("I2", f"'{name}' is said to be late, {self._at - (since or self._at):.2f} s after it became possible")
+
+    def by_hand(self, reign: Reign, name: str) -> None:
+        """What a person does is done when it was asked for and confirmed, once."""
+        for request in sorted(reign.confirmed):
+            if reign.instructed[request] == name:
+                reign.confirmed.remove(request)
+                del reign.instructed[request]
+                return
+        self.complain("I3", f"'{name}' counts as done, and nobody has confirmed it")
 
     def certified(self, plan: CheckedPlan) -> None:
         if id(plan) in self._accepted:
@@ -221,8 +266,7 @@ class Observer(Watch):
         if by == "controlled":
             self.allowed_to(process, reign, name, transition, state, changes, after, before)
         elif by == "operator":
-            self.tick_off(reign, [name])
-            return self.changed(state, changes)
+            self.by_hand(reign, name)
         self.tick_off(reign, [name])
         return self.changed(state, changes)
 
@@ -251,6 +295,9 @@ class Observer(Watch):
             self.system, transition, told
         ):
             self.complain("I2", f"'{name}' is not enabled in what was last heard, or does something else")
+        automatic = [t.name for t in self.station.model.transitions if t.kind.automatic and fire(self.system, t, told)]
+        if automatic:
+            self.complain("I2", f"'{name}' is taken before '{automatic[0]}', which is automatic")
         if transition.kind is not Kind.CONTROLLED:
             self.complain("I3", f"'{name}' is {transition.kind.value}, and not for the runner to take")
         following = reign.following
@@ -336,6 +383,8 @@ class Observer(Watch):
             return  # holding
         if old and old.epoch == message.epoch and dict(old.values) == dict(message.values):
             return
+        if old is None or old.epoch != message.epoch:
+            self.complain("I3", f"the first command of an epoch to '{name}' is not what it mirrors")
         self.counts["commands"] += 1
         self.available(process, reign, name, "a new goal")
         self.alone(process, message)
@@ -384,8 +433,11 @@ class Observer(Watch):
         if boot == hub.boot and hub.epoch < epoch:
             self.complain("fence", f"'{name}' goes back from epoch {epoch} to {hub.epoch}")
         self._obeyed[name] = hub.boot, hub.epoch
-        for invariant in self.truly_broken():
-            self.broken_in_truth[invariant] += 1
+        broken = self.truly_broken()
+        if not broken or self._at < self.excused:
+            self.counts["true states excused" if broken else "true states allowed"] += 1
+        else:
+            self.complain("true", f"{', '.join(broken)} violated by what hubs obey and devices do")
 
     def truly_broken(self) -> list[str]:
         """The declared invariants that do not hold of what hubs obey and devices measure."""

@@ -72,6 +72,9 @@ class Watch:
     def moved(self, name: str) -> None:
         """What is true of a resource may have changed."""
 
+    def handled(self) -> None:
+        """A person is about to lay hands on the station."""
+
 
 @dataclass
 class World:
@@ -87,8 +90,8 @@ class World:
     weather: Weather = CALM
     watch: Watch = field(default_factory=Watch)
     kill: Callable[[Process, Moment], bool] = lambda process, moment: False
-    think: Callable[[Request], tuple[Decision, float]] | None = None
-    """In place of the planners: their decision, and how long they take for it."""
+    think: Callable[[Request], tuple[Decision, tuple[float, ...]]] | None = None
+    """In place of the planners: their decision, and after how long it comes, once or more often."""
 
     def __post_init__(self) -> None:
         self.at = 0.0
@@ -207,8 +210,9 @@ class World:
             case Send(message):
                 self.publish(process, message)
             case Ask(revision, request):
-                decision, seconds = self.decide(request)
-                self.later(seconds, lambda: self.happen(Answered(self.at, revision, decision), process))
+                decision, times = self.decide(request)
+                for seconds in times:
+                    self.later(seconds, lambda: self.happen(Answered(self.at, revision, decision), process))
             case Instruct(request_id, transition, _):
                 self.note(Note("instruct", output.text, {"transition": transition, "request": request_id}))
                 self.later(self.operator.delay, lambda: self.operator_does(request_id, transition))
@@ -221,14 +225,14 @@ class World:
             case Note():
                 self.note(output)
 
-    def decide(self, request: Request) -> tuple[Decision, float]:
+    def decide(self, request: Request) -> tuple[Decision, tuple[float, ...]]:
         """What the planners come to, and after how long. What the checker refuses is no decision."""
         try:
             if self.think is not None:
                 return self.think(request)
-            return recover(self.station.model, request, self.planners), THINKING
+            return recover(self.station.model, request, self.planners), (THINKING,)
         except EngineError as error:
-            return Decision(undecided=str(error)), THINKING
+            return Decision(undecided=str(error)), (THINKING,)
 
     def note(self, note: Note) -> None:
         self.notes.append((self.at, note))
@@ -240,6 +244,7 @@ class World:
             return
         self.operator, done, confirmed = self.operator.asked(transition)
         if done:
+            self.watch.handled()
             world = self.truth()
             maintenance = self.station.system.transition[transition]
             for name, emulator in self.hubs.items():
