@@ -1,0 +1,1 @@
+"""Hubs for devices that speak something else, to copy from."""
