@@ -10,7 +10,7 @@ from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import check, emulate, interface, outcome, router, run, watch
+from smv_planner.cli import ask, check, emulate, interface, operator, outcome, router, run, watch
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -100,6 +100,32 @@ def parser() -> argparse.ArgumentParser:
     run.add_config(
         commands.add_parser("config", help="print the daemon's settings", description="Print the settings that 'run' would use.")
     )
+    ask.add_ask(
+        commands.add_parser(
+            "ask",
+            help="ask or order a planner that runs",
+            description="Ask a planner that runs, or order something. An order is accepted when it is in the journal.",
+            epilog=ask.TELLING,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
+    ask.add_health(
+        commands.add_parser(
+            "health",
+            help="say whether the planner is well",
+            description="Say whether the planner that runs is well: exit 0, else 1. It is not if it stands still, if its journal "
+            "cannot be written, or if another planner has taken over.",
+        )
+    )
+    operator.add_operator(
+        commands.add_parser(
+            "operator",
+            help="show what the planner asks of people, and answer",
+            description="Show what the planner asks of people, and take their answers from standard input.",
+            epilog=operator.ANSWERS,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
     return parser
 
 
@@ -124,6 +150,12 @@ def command(arguments: Sequence[str]) -> int:
             return run.run(asked)
         case "config":
             return run.show_config(asked)
+        case "ask":
+            return ask.ask(asked)
+        case "health":
+            return ask.health(asked)
+        case "operator":
+            return operator.operate(asked)
     raise AssertionError(asked.command)
 
 

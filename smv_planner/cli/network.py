@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import argparse
+import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from math import inf
+from typing import Any
 
 from bridge.endpoints import LOOPBACK, Tls
 from bridge.link import Link, LinkConfig, open_link
+from smv_planner.daemon import config
 from smv_planner.errors import Mistake, UsageError
 
 
@@ -46,7 +49,17 @@ def tls(asked: argparse.Namespace) -> Tls | None:
 
 
 def link_config(asked: argparse.Namespace) -> LinkConfig:
-    return LinkConfig(tuple(asked.connect) or (LOOPBACK,), tls(asked), asked.insecure_lan)
+    """From the arguments; what they do not say, from the environment and the file, as `smv-planner run` has it."""
+    return config.link_config(_settings(asked))
+
+
+def setting(asked: argparse.Namespace, name: str) -> Any:
+    """One setting, from the same places."""
+    return _settings(asked)[name].value
+
+
+def _settings(asked: argparse.Namespace) -> config.Config:
+    return config.resolved(vars(asked), os.environ, None, {}, config.state_folder(os.environ))
 
 
 @contextmanager

@@ -6,13 +6,11 @@ import argparse
 import json
 import os
 from collections.abc import Mapping
-from typing import Any
 
 from bridge import keys
 from smv_planner import language
 from smv_planner.cli import outcome
-from smv_planner.daemon import config
-from smv_planner.daemon.config import SETTINGS, Config, resolved, state_folder
+from smv_planner.daemon.config import FILE, PREFIX, SETTINGS, Config, resolved, state_folder
 from smv_planner.model.model import Model
 
 
@@ -30,9 +28,9 @@ def add_config(parser: argparse.ArgumentParser) -> None:
 
 def add_settings(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group(
-        "settings", f"also in the environment, as {config.PREFIX}CELL for --cell, and in a TOML file, as 'cell'"
+        "settings", f"also in the environment, as {PREFIX}CELL for --cell, and in a TOML file, as 'cell'"
     )
-    group.add_argument("--config", metavar="FILE", help=f"the file (default: {config.FILE}, if it is there)")
+    group.add_argument("--config", metavar="FILE", help=f"the file (default: {FILE}, if it is there)")
     for name, setting in SETTINGS.items():
         flag, default = "--" + name.replace("_", "-"), setting.default
         if setting.read is SETTINGS["insecure_lan"].read:
@@ -61,9 +59,8 @@ def show_config(asked: argparse.Namespace) -> int:
 
 def run(asked: argparse.Namespace) -> int:
     model = language.load(asked.scenario)
-    found = configured(asked, model)
-    settings: dict[str, Any] = {name: each.value for name, each in found.items()}
+    config = configured(asked, model)
     from smv_planner.daemon.service import serve
 
-    serve(model, asked.scenario, settings)
+    serve(model, asked.scenario, config)
     return outcome.REACHED

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from bridge.endpoints import LOOPBACK
+from bridge.endpoints import LOOPBACK, Tls
+from bridge.link import LinkConfig
 from smv_planner.errors import Mistake, UsageError, did_you_mean
 
 FILE = "smv-planner.toml"
@@ -113,8 +114,9 @@ def resolved(
             mistakes.append(Mistake(f"{path}: there is no setting '{name}'", did_you_mean(name, SETTINGS)))
     for name in environment:
         word = name.removeprefix(PREFIX).lower()
-        if name.startswith(PREFIX) and word not in SETTINGS and word != "config":
-            mistakes.append(Mistake(f"there is no setting '{name}'", did_you_mean(word, SETTINGS)))
+        close = did_you_mean(word, SETTINGS)  # other parts of the project have variables of their own
+        if name.startswith(PREFIX) and word not in SETTINGS and close:
+            mistakes.append(Mistake(f"there is no setting '{name}'", close))
     found: dict[str, Found] = {}
     for name, setting in SETTINGS.items():
         variable = PREFIX + name.upper()
@@ -137,6 +139,14 @@ def resolved(
     if found["journal"].value is None:
         found["journal"] = Found(os.path.join(home, "smv_planner", str(found["cell"].value)), "default")
     return found
+
+
+def link_config(config: Config) -> LinkConfig:
+    """Raises UsageError if only some of the three files of TLS are named."""
+    files = [config[name].value for name in ("tls_authority", "tls_certificate", "tls_key")]
+    if any(files) and not all(files):
+        raise UsageError([Mistake("TLS needs three files", "--tls-authority, --tls-certificate and --tls-key go together")])
+    return LinkConfig(tuple(config["connect"].value), Tls(*files) if all(files) else None, config["insecure_lan"].value)
 
 
 def state_folder(environment: Mapping[str, str]) -> str:

@@ -14,7 +14,7 @@ from typing import Any
 
 from smv_planner.runner.decision import Following
 from smv_planner.runner.events import Note
-from smv_planner.runner.situation import Situation, Station, Status, WishKind
+from smv_planner.runner.situation import Situation, Station, Status, Wish, WishKind
 
 FORMAT = 1
 
@@ -24,7 +24,7 @@ def situation(station: Station, now: Situation) -> dict[str, Any]:
     unheard = {v.name for v in station.system.variables if v.resource in now.hubs and v.resource not in now.heard}
     values = station.system.named(now.state)
     return {
-        **_head("situation", station, now),
+        **head("situation", station, now),
         "phase": now.phase.value,
         "state": {name: None if name in unheard else value for name, value in values.items()},
         "resources": {name: _resource(now, name) for name in now.hubs},
@@ -59,7 +59,7 @@ def plan(station: Station, now: Situation) -> dict[str, Any]:
         else []
     )
     return {
-        **_head("plan", station, now),
+        **head("plan", station, now),
         "operations": operations,
         "purpose": following.purpose.value if following else None,
         "steps": _steps(following) if following else [],
@@ -69,7 +69,7 @@ def plan(station: Station, now: Situation) -> dict[str, Any]:
 def operator(station: Station, now: Situation) -> dict[str, Any]:
     """What the operator is asked for: `confirm` when it is done, or `approve`."""
     return {
-        **_head("operator", station, now),
+        **head("operator", station, now),
         "requests": [
             {
                 "request": request,
@@ -77,6 +77,7 @@ def operator(station: Station, now: Situation) -> dict[str, Any]:
                 "answer": "confirm" if wish.kind is WishKind.MAINTENANCE else "approve",
                 "text": wish.text,
                 "transition": wish.transition,
+                "values": _made(now, wish),
                 "confirmed": wish.confirmed_at is not None,
             }
             for request, wish in now.wishes.items()
@@ -86,7 +87,7 @@ def operator(station: Station, now: Situation) -> dict[str, Any]:
 
 def event(station: Station, now: Situation, note: Note, number: int) -> dict[str, Any]:
     """Something that has happened. `number` grows by one each time, so that who misses one knows."""
-    return {**_head("event", station, now), "number": number, "event": note.kind, "text": note.text, "data": plain(note.data)}
+    return {**head("event", station, now), "number": number, "event": note.kind, "text": note.text, "data": plain(note.data)}
 
 
 def encoded(document: Mapping[str, Any]) -> bytes:
@@ -108,7 +109,17 @@ def plain(value: Any) -> Any:
     return value
 
 
-def _head(kind: str, station: Station, now: Situation) -> dict[str, Any]:
+def _made(now: Situation, wish: Wish) -> dict[str, Any]:
+    """What maintenance makes of the variables that it assigns, where the plan has chosen."""
+    following = now.following
+    if wish.kind is not WishKind.MAINTENANCE or wish.step is None or following is None:
+        return {}
+    trace, system = following.plan.trace, following.plan.problem.system
+    after = system.named(trace.states[wish.step + 1])
+    return {action.variable: after[action.variable] for action in system.transition[trace.path[wish.step]].actions}
+
+
+def head(kind: str, station: Station, now: Situation) -> dict[str, Any]:
     return {
         "format": FORMAT,
         "kind": kind,

@@ -97,14 +97,14 @@ class Daemon:
         self._due = clock()
         self._published: dict[str, bytes] = {}
         self._said_at = -SECOND
-        self._documents: dict[str, bytes] = {}
+        self._said: dict[str, Mapping[str, Any]] = {}
         self._waiting: deque[Waiting] = deque()
         self._unwritten: list[Began | Answered] = []
         self._events = 0
         cell = station.cell
         self._mailbox = link.latest(keys.state(cell), wake=alarm.set)
-        for key in (keys.situation(cell), keys.plan(cell), keys.operator(cell)):
-            link.answer(key, lambda _, key=key: self._documents.get(key, b"null"))  # type: ignore[misc]
+        for key, document in self._told().items():
+            link.answer(key, lambda _, document=document: documents.encoded(document(station, self.situation)))  # type: ignore[misc]
         link.answer(keys.health(cell), lambda _: documents.encoded(self.health()))
         link.answer(keys.order(cell), self.take_order)
         link.alive(keys.planner(cell))
@@ -140,7 +140,7 @@ class Daemon:
         if now.phase is Phase.FENCED_OUT:
             wrong.append("another planner has taken over")
         return {
-            **documents._head("health", self.station, now),
+            **documents.head("health", self.station, now),
             "healthy": not wrong,
             "wrong": wrong,
             "phase": now.phase.value,
@@ -283,21 +283,23 @@ class Daemon:
         """Publish what has changed, and all of it from time to time."""
         cell, now = self.station.cell, self.situation
         everything = clock - self._said_at >= SECOND
-        made: Mapping[str, Mapping[str, Any]] = {
-            keys.situation(cell): documents.situation(self.station, now),
-            keys.plan(cell): documents.plan(self.station, now),
-            keys.operator(cell): documents.operator(self.station, now),
-        }
-        for key, document in made.items():
-            # `at` alone is no change.
-            changed = documents.encoded({**document, "at": 0})
-            if everything or changed != self._documents.get(f"{key} without time"):
-                self._documents[f"{key} without time"] = changed
-                self._documents[key] = documents.encoded(document)
-                self.publish(key, self._documents[key])
+        for key, document in self._told().items():
+            told = document(self.station, now)
+            timeless = {**told, "at": None}
+            if everything or timeless != self._said.get(key):
+                self._said[key] = timeless
+                self.publish(key, documents.encoded(told))
         if everything:
             self._said_at = clock
             self.publish(keys.health(cell), documents.encoded(self.health()))
+
+    def _told(self) -> dict[str, Callable[[Station, Situation], dict[str, Any]]]:
+        cell = self.station.cell
+        return {
+            keys.situation(cell): documents.situation,
+            keys.plan(cell): documents.plan,
+            keys.operator(cell): documents.operator,
+        }
 
     def publish(self, key: str, payload: bytes) -> None:
         try:

@@ -15,11 +15,11 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-from bridge.endpoints import Tls
 from bridge.link import LinkConfig, open_link
 from smv_planner import api, language
 from smv_planner.daemon import chronicle as chronicles
 from smv_planner.daemon import logs, metrics
+from smv_planner.daemon.config import Config, link_config
 from smv_planner.daemon.loop import Daemon
 from smv_planner.daemon.notify import Notify
 from smv_planner.daemon.planners import Worker, job
@@ -53,15 +53,17 @@ class Signals:
         signal.signal(signal.SIGHUP, reload)
 
 
-def serve(model: Model, path: str, settings: Mapping[str, Any]) -> None:
+def serve(model: Model, path: str, config: Config) -> None:
     """Plan for a station until told to stop. Raises UsageError, EngineError, LinkError."""
+    settings = {name: found.value for name, found in config.items()}
+    link = link_config(config)
     logs.begin(settings["log_format"], settings["log_level"])
     signals, following = Signals(), model
     while not signals.stop:
-        following = _reign(following, path, settings, signals)
+        following = _reign(following, path, settings, link, signals)
 
 
-def _reign(model: Model, path: str, settings: Mapping[str, Any], signals: Signals) -> Model:
+def _reign(model: Model, path: str, settings: Mapping[str, Any], where: LinkConfig, signals: Signals) -> Model:
     """One model's time; the model to go on with, unless it is all over."""
     cell: str = settings["cell"]
     station = Station(model, api.widened(model), cell)
@@ -81,7 +83,7 @@ def _reign(model: Model, path: str, settings: Mapping[str, Any], signals: Signal
         asking = job(known, settings["engine"], settings["deadline"], second, settings["journal"])
         worker = Worker(asking, known, alarm.set)
         stack.callback(worker.close)
-        link = stack.enter_context(open_link(_link(settings), settings["wait"]))
+        link = stack.enter_context(open_link(where, settings["wait"]))
         signals.listen()
         daemon = Daemon(station, situation, link, chronicle, worker, alarm)
         stack.enter_context(metrics.served(daemon, settings["metrics"]))
@@ -138,10 +140,3 @@ def _second(engine: str, name: str) -> str | None:
     if reason:
         log.info("no second opinions: %s", reason)
     return None if reason else name
-
-
-def _link(settings: Mapping[str, Any]) -> LinkConfig:
-    files = [settings[name] for name in ("tls_authority", "tls_certificate", "tls_key")]
-    if any(files) and not all(files):
-        raise UsageError([Mistake("TLS needs three files", "tls_authority, tls_certificate and tls_key go together")])
-    return LinkConfig(tuple(settings["connect"]), Tls(*files) if all(files) else None, settings["insecure_lan"])
