@@ -35,6 +35,9 @@ TROUBLE = 100.0
 PEACE = 400.0
 """Seconds after which the station must have come to its end."""
 
+GIVES_UP = 3
+"""So often somebody looks at a station that says why it is stuck, before he clears the work away."""
+
 FAULTS = 100
 STEPS = 10
 """What a seed has to see and to do at least."""
@@ -59,6 +62,7 @@ class Report:
     violations: tuple[Violation, ...]
     faults: Mapping[str, int]
     steps: int
+    least: int
     edges: Mapping[str, int]
     peaceful: float | None
     seconds: float
@@ -70,7 +74,7 @@ class Report:
         found = [f"seed {self.seed}: {violation}" for violation in self.violations]
         if sum(self.faults.values()) < FAULTS:
             found.append(f"seed {self.seed}: only {sum(self.faults.values())} faults")
-        if self.steps < STEPS:
+        if self.steps < self.least:
             found.append(f"seed {self.seed}: only {self.steps} steps were commanded")
         return found
 
@@ -85,6 +89,7 @@ class Campaign:
     set: Mapping[str, Value] = field(default_factory=dict)
     trouble: float = TROUBLE
     peace: float = PEACE
+    steps: int = STEPS
 
     def __post_init__(self) -> None:
         self.draw = Draw(self.seed).of("campaign")
@@ -94,7 +99,7 @@ class Campaign:
         self.doomed: Moment | None = None
         self.engine: Trouble | None = None
         self.questions = 0
-        self.last_confirmed: str | None = None
+        self.stuck_looks = 0
         self.troubled = True
         self.world = self.observer.watching(
             World(
@@ -144,6 +149,7 @@ class Campaign:
             tuple(self.observer.violations),
             faults,
             self.observer.counts["controlled steps"],
+            self.steps,
             edges,
             peaceful,
             world.at,
@@ -202,9 +208,19 @@ class Campaign:
                     self.world.order(Activate(name))
         if now.halted:
             self.world.order(Proceed())
-        if self.troubled and all(self.at_rest(name) for name in now.intentions):
-            own = [v for v in self.station.system.variables if v.kind is VariableKind.DECISION]
-            self.world.order(Assign({v.name: self.set.get(v.name, v.initial) for v in own}))
+        self.stuck_looks = self.stuck_looks + 1 if now.stuck else 0
+        if self.stuck_looks >= GIVES_UP or (self.troubled and all(self.at_rest(name) for name in now.intentions)):
+            self.start_over()
+
+    def start_over(self) -> None:
+        """A new engine, a new seal: what only the planner knows is as at first. A broken promise is given anew."""
+        self.stuck_looks = 0
+        self.happened["started over"] += 1
+        own = [v for v in self.station.system.variables if v.kind in (VariableKind.DECISION, VariableKind.ESTIMATED)]
+        self.world.order(Assign({v.name: self.set.get(v.name, v.initial) for v in own}))
+        for name, pursuit in self.world.situation.intentions.items():
+            if pursuit.status is Status.ERROR:
+                self.world.order(Cancel(name))
 
     # --- trouble
 
@@ -286,8 +302,7 @@ class Campaign:
                 open_ = [r for r, wish in world.situation.wishes.items() if wish.kind is WishKind.MAINTENANCE]
                 if not open_:
                     return False
-                self.last_confirmed = draw_one(open_, draw.of("wish"))
-                self.order(Confirm(self.last_confirmed))
+                self.order(Confirm(draw_one(open_, draw.of("wish"))))
             case Trouble.CONFIRMED_AGAIN:
                 asked = [note.data["request"] for _, note in world.notes[-200:] if note.kind == "instruct"]
                 if not asked:

@@ -173,11 +173,18 @@ class Observer(Watch):
                     state = self.changed(state, output.data["changes"])
                 case _:
                     pass
-        if moved:
+        if moved and any(self.is_new(reign, output.message) for output in outputs if isinstance(output, Send)):
             worse = self.forbidden(after.state) - broken
             lifted = reign.following.lifted if reign.following and reign.following.purpose is Purpose.EXIT else frozenset()
             if worse - lifted:
                 self.complain("I1", f"commands lead to where {', '.join(sorted(worse - lifted))} is violated or may be")
+
+    def is_new(self, reign: Reign, message: GoalMessage) -> bool:
+        """Whether a goal message asks for something else than the one before, and than its hub mirrors."""
+        old, heard = reign.published.get(message.resource), reign.heard.get(message.resource)
+        if heard and dict(heard.message.mirror) == dict(message.values):
+            return False
+        return old is None or dict(old.values) != dict(message.values)
 
     def decided(self, reign: Reign, event: Event, before: Situation, after: Situation) -> None:
         match event:
