@@ -56,10 +56,9 @@ class Say:
 def status_of(document: Any) -> Status:
     """Raises ValueError for what is no status: a device is trusted as little as a network."""
     match document:
-        case {"state_id": int(state), "position": str() | None as position, "mission": str() | None as mission} if (
-            type(state) is int
-        ):
-            return Status(state, position, mission)
+        case {"state_id": int() as state, "position": str() | None as position, "mission": str() | None as mission}:
+            if type(state) is int:  # and not a Boolean, which Python takes for one
+                return Status(state, position, mission)
     raise ValueError("this is no status")
 
 

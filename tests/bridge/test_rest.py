@@ -185,12 +185,9 @@ def test_what_is_said_follows_from_goal_and_status_alone(
 
 def test_a_place_that_the_scenario_does_not_know_is_unknown() -> None:
     assert measured(Status(READY, "the yard", None), "r1", ("away", "at", "unknown"))["r1.act_pos"] == "unknown"
-    for wrong in (
-        None,
-        [],
-        {"state_id": True, "position": "at", "mission": None},
-        {"state_id": 3, "position": 1, "mission": None},
-    ):
+    assert status_of({"state_id": 3, "position": "at", "mission": None, "battery": 7}) == Status(READY, "at", None)
+    sound = {"state_id": 3, "position": "at", "mission": None}
+    for wrong in (None, [], {}, {**sound, "state_id": True}, {**sound, "position": 1}):
         with pytest.raises(ValueError, match="no status"):
             status_of(wrong)
 
