@@ -8,6 +8,7 @@ import json
 from smv_planner import language
 from smv_planner.cli import outcome
 from smv_planner.cli.network import add_network, linked
+from smv_planner.cli.question import settings
 from smv_planner.emulation.behaviour import Behaviour
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.plant.told import WORDS
@@ -28,6 +29,13 @@ def add_emulate(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--pace", metavar="FACTOR", type=float, default=1.0, help="effects take this much less time")
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="of everything that is left to chance")
+    parser.add_argument(
+        "--set",
+        metavar="VAR=VALUE",
+        action="append",
+        default=[],
+        help="begin with another value than the initial one; repeatable",
+    )
     parser.add_argument("--fail", metavar="EFFECT[:TIMES]", action="append", default=[], help="this effect does not happen")
     for word, what in (("silent", "reports nothing"), ("stuck", "neither obeys nor mirrors new goals"), ("dead", "is gone")):
         parser.add_argument(f"--{word}", metavar="RESOURCE", action="append", default=[], help=f"this hub {what}")
@@ -49,7 +57,7 @@ def run_emulate(asked: argparse.Namespace) -> int:
     usual = Behaviour()
     behaviour = Behaviour(delay=usual.delay / asked.pace, leisure=usual.leisure / asked.pace)
     with linked(asked, patient=True) as link:
-        plant = Emulation(model, cell, link, tuple(asked.hub), behaviour, asked.seed)
+        plant = Emulation(model, cell, link, tuple(asked.hub), behaviour, asked.seed, settings(model, asked.set))
         for failing in asked.fail:
             plant.fail(failing)
         for word in ("silent", "stuck", "dead"):

@@ -10,12 +10,20 @@ from collections.abc import Mapping
 from bridge import keys
 from smv_planner import language
 from smv_planner.cli import outcome
+from smv_planner.cli.question import settings
 from smv_planner.daemon.config import FILE, PREFIX, SETTINGS, Config, resolved, state_folder
 from smv_planner.model.model import Model
 
 
 def add_run(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scenario", metavar="SCENARIO", help="a scenario file, or a folder that holds model.yaml")
+    parser.add_argument(
+        "--set",
+        metavar="VAR=VALUE",
+        action="append",
+        default=[],
+        help="what products are like when a new journal begins; repeatable. What hubs measure and obey they say themselves",
+    )
     add_settings(parser)
 
 
@@ -60,7 +68,8 @@ def show_config(asked: argparse.Namespace) -> int:
 def run(asked: argparse.Namespace) -> int:
     model = language.load(asked.scenario)
     config = configured(asked, model)
+    given = settings(model, asked.set)
     from smv_planner.daemon.service import serve
 
-    serve(model, asked.scenario, config)
+    serve(model, asked.scenario, config, given)
     return outcome.REACHED

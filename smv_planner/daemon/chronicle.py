@@ -14,7 +14,7 @@ from smv_planner.journal import Disk, Journal, Unwritten
 from smv_planner.journal.folder import LIMIT
 from smv_planner.runner.events import Answered, Began, Event, Ordered, Output, Send
 from smv_planner.runner.records import Known, record, restored
-from smv_planner.runner.situation import Situation, Station, at_rest
+from smv_planner.runner.situation import Situation, Station
 
 
 @dataclass
@@ -50,13 +50,12 @@ class Chronicle:
         self.journal.anew([record(begun)], model)
 
 
-def opened(disk: Disk, station: Station, known: Known, limit: int = LIMIT) -> tuple[Chronicle, Situation, int]:
-    """The journal to go on with, what it tells, and how many bytes a crash has torn off.
+def opened(disk: Disk, station: Station, known: Known, begun: Situation, limit: int = LIMIT) -> tuple[Chronicle, Situation, int]:
+    """The journal to go on with, what it tells, and how many bytes a crash has torn off. A new one begins with `begun`.
 
     Raises Refused, Unwritten, Unreadable.
     """
     found = Journal.open(disk, station.model.hash, limit)
-    begun = at_rest(station)
     if not found.records:
         found.journal.write([record(begun)])
     return Chronicle(found.journal), restored(station, begun, found.records, known), found.torn

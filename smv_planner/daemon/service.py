@@ -12,7 +12,7 @@ import signal
 import threading
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from bridge.link import LinkConfig, open_link
@@ -27,9 +27,10 @@ from smv_planner.daemon.reload import changes, moved
 from smv_planner.engines import ENGINES
 from smv_planner.errors import EngineError, Mistake, MistakesError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
+from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
 from smv_planner.runner.records import Known, Unreadable
-from smv_planner.runner.situation import Station
+from smv_planner.runner.situation import Situation, Station, at_rest
 
 log = logging.getLogger("smv_planner.daemon")
 
@@ -53,17 +54,22 @@ class Signals:
         signal.signal(signal.SIGHUP, reload)
 
 
-def serve(model: Model, path: str, config: Config) -> None:
-    """Plan for a station until told to stop. Raises UsageError, EngineError, LinkError."""
+def serve(model: Model, path: str, config: Config, given: Mapping[str, Value]) -> None:
+    """Plan for a station until told to stop. A new journal begins with the values `given` for products.
+
+    Raises UsageError, EngineError, LinkError.
+    """
     settings = {name: found.value for name, found in config.items()}
     link = link_config(config)
     logs.begin(settings["log_format"], settings["log_level"])
     signals, following = Signals(), model
     while not signals.stop:
-        following = _reign(following, path, settings, link, signals)
+        following = _reign(following, path, settings, link, signals, given)
 
 
-def _reign(model: Model, path: str, settings: Mapping[str, Any], where: LinkConfig, signals: Signals) -> Model:
+def _reign(
+    model: Model, path: str, settings: Mapping[str, Any], where: LinkConfig, signals: Signals, given: Mapping[str, Value]
+) -> Model:
     """One model's time; the model to go on with, unless it is all over."""
     cell: str = settings["cell"]
     station = Station(model, api.widened(model), cell)
@@ -74,7 +80,7 @@ def _reign(model: Model, path: str, settings: Mapping[str, Any], where: LinkConf
         try:
             folder = Folder(settings["journal"])
             stack.callback(folder.close)
-            chronicle, situation, torn = chronicles.opened(folder, station, known)
+            chronicle, situation, torn = chronicles.opened(folder, station, known, _begun(station, given))
         except (Refused, Unwritten, Unreadable) as error:
             raise UsageError([Mistake(str(error), "--journal names another folder")]) from error
         if torn:
@@ -108,6 +114,11 @@ def _reign(model: Model, path: str, settings: Mapping[str, Any], where: LinkConf
             return coming
         chronicle.close(daemon.situation)
     return model
+
+
+def _begun(station: Station, given: Mapping[str, Value]) -> Situation:
+    state = tuple(given.get(variable.name, variable.initial) for variable in station.system.variables)
+    return replace(at_rest(station), state=state)
 
 
 def _reloaded(path: str, model: Model) -> Model | None:

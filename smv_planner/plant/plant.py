@@ -47,9 +47,19 @@ class Plant:
 
 
 def planted(
-    model: Model, cell: str, names: tuple[str, ...], boots: Mapping[str, str], at: float, behaviour: Behaviour, seed: int = 0
+    model: Model,
+    cell: str,
+    names: tuple[str, ...],
+    boots: Mapping[str, str],
+    at: float,
+    behaviour: Behaviour,
+    seed: int = 0,
+    placed: Mapping[str, Value] | None = None,
 ) -> Plant:
-    """The devices of these resources, of all if none is named, at rest with initial values. Raises UsageError."""
+    """The devices of these resources, of all if none is named, at rest with initial values or as `placed` says instead.
+
+    Raises UsageError.
+    """
     resources = {resource.name: resource for resource in model.resources}
     known = interfaces(model, cell)
     chosen = names or tuple(known)
@@ -60,7 +70,14 @@ def planted(
         name: emulators.start(model.system, known[name], boots[name], at, behaviour, deadman_of(resources[name]))
         for name in chosen
     }
-    return Plant(started, behaviour, Draw(seed), {})
+    return Plant({name: _placed(each, placed or {}) for name, each in started.items()}, behaviour, Draw(seed), {})
+
+
+def _placed(emulator: Emulator, values: Mapping[str, Value]) -> Emulator:
+    hub, device = emulator.hub, emulator.device
+    resting = {name: values.get(name, value) for name, value in hub.resting.items()}
+    measured = {name: values.get(name, value) for name, value in device.measured.items()}
+    return Emulator(replace(hub, resting=resting), replace(device, measured=measured))
 
 
 def obey(plant: Plant, message: GoalMessage, at: float) -> Plant | Rejected:

@@ -32,13 +32,20 @@ class Emulation:
     """Some hubs of a scenario, or all, with their devices, on one link. `period` is how often each reports."""
 
     def __init__(
-        self, model: Model, cell: str, link: Link, names: tuple[str, ...] = (), behaviour: Behaviour | None = None, seed: int = 0
+        self,
+        model: Model,
+        cell: str,
+        link: Link,
+        names: tuple[str, ...] = (),
+        behaviour: Behaviour | None = None,
+        seed: int = 0,
+        placed: Mapping[str, Value] | None = None,
     ) -> None:
         known = interfaces(model, keys.checked_cell(cell))
         boots = {name: _boot() for name in known}
         self.rejected: Counter[str] = Counter()
         self._clock = time.monotonic
-        self._plant = plants.planted(model, cell, names, boots, self._clock(), behaviour or Behaviour(), seed)
+        self._plant = plants.planted(model, cell, names, boots, self._clock(), behaviour or Behaviour(), seed, placed)
         self._period = model.period
         self._woken = threading.Event()
         self._lock = threading.Lock()
