@@ -48,12 +48,13 @@ def parser() -> argparse.ArgumentParser:
             "can never fire, start or complete, values that nobody produces. Errors exit with 3, with --strict warnings too.",
         )
     )
-    commands.add_parser(
+    schemas = commands.add_parser(
         "schema",
-        help="print the JSON Schema of scenarios, for editors",
+        help="print the JSON Schema of scenarios, for editors, or of messages",
         description="Print the JSON Schema of scenarios (draft 2020-12). Editors complete, explain and check with it.",
         epilog="A scenario that begins with '# yaml-language-server: $schema=FILE' tells an editor where it is.",
     )
+    schemas.add_argument("--messages", action="store_true", help="the schemas of what travels on the network instead, by kind")
     router.add_router(
         commands.add_parser(
             "router",
@@ -137,7 +138,7 @@ def command(arguments: Sequence[str]) -> int:
         case "check":
             return check.check(asked)
         case "schema":
-            return schema()
+            return schema(asked.messages)
         case "router":
             return router.run_router(asked)
         case "emulate":
@@ -187,8 +188,13 @@ def export(asked: argparse.Namespace) -> int:
     return outcome.REACHED
 
 
-def schema() -> int:
-    """The JSON Schema of scenarios, to standard output."""
+def schema(messages: bool) -> int:
+    """The JSON Schema of scenarios, or the schemas of messages by kind, to standard output."""
+    if messages:
+        from bridge.schemas import schemas
+
+        print(json.dumps(schemas(), indent=2))
+        return outcome.REACHED
     from smv_planner.language.schema import schema as of_scenarios
 
     print(json.dumps(of_scenarios(), indent=2, ensure_ascii=False))
