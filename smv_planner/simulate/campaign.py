@@ -17,7 +17,7 @@ from smv_planner.emulation.draw import Draw
 from smv_planner.model.domains import Value
 from smv_planner.model.system import VariableKind
 from smv_planner.runner.decision import Action, Decision, Request
-from smv_planner.runner.events import Activate, Assign, Cancel, Confirm, Order, Pause, Proceed, Reenable
+from smv_planner.runner.events import Activate, Approve, Assign, Cancel, Confirm, Order, Pause, Proceed, Reenable
 from smv_planner.runner.records import record
 from smv_planner.runner.recovery import recover
 from smv_planner.runner.situation import Phase, Station, Status, WishKind
@@ -206,6 +206,11 @@ class Campaign:
                     self.world.order(Reenable(name))
                 case Status.PAUSED | Status.CANCELLED:
                     self.world.order(Activate(name))
+        for request, wish in now.wishes.items():  # what was said to a process that died is said again
+            if wish.kind is not WishKind.MAINTENANCE:
+                self.world.order(Approve(request))
+            elif wish.confirmed_at is None and wish.transition is not None:
+                self.world.operator_does(request, wish.transition)
         if now.halted:
             self.world.order(Proceed())
         self.stuck_looks = self.stuck_looks + 1 if now.stuck else 0

@@ -1,0 +1,284 @@
+"""Bugs that were never there: each is an edit of the code, with the seed that finds it.
+
+`python bugs.py NAME SEEDS` looks for seeds that do. A planted bug nobody finds says that the simulation looks away.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Edit:
+    file: str
+    old: str
+    new: str
+
+
+@dataclass(frozen=True)
+class Bug:
+    """`seed` of `scenario` is red with these edits, and green without."""
+
+    name: str
+    scenario: str
+    seed: int
+    edits: tuple[Edit, ...]
+
+
+def _one(name: str, scenario: str, seed: int, file: str, old: str, new: str) -> Bug:
+    return Bug(name, scenario, seed, (Edit(file, old, new),))
+
+
+STEP, HUB, VIEW = "runner/step.py", "protocol/hub.py", "protocol/view.py"
+STATION = "assembly_station"
+
+BUGS = (
+    _one(
+        "plans are followed unchecked",
+        STATION,
+        0,
+        "planner/decide.py",
+        "            checked = check_plan(problem, verdict, orders(problem, verdict))\n",
+        "            each = tuple((at - 1,) if at else () for at in range(len(verdict.path)))\n"
+        "            checked = CheckedPlan(problem, verdict, each, False)\n",
+    ),
+    _one("an overtaken state is believed", STATION, 0, VIEW, "if message.seq <= now.seq:", "if message.seq == now.seq:"),
+    _one(
+        "the clock of an effect is never reset",
+        STATION,
+        0,
+        "runner/monitor.py",
+        "    return {\n        name: timers.get(name, at)",
+        "    return dict(timers) | {\n        name: timers.get(name, at)",
+    ),
+    _one(
+        "an answer to an old question is taken",
+        STATION,
+        0,
+        STEP,
+        "if asked is None or asked.revision != revision:",
+        "if asked is None:",
+    ),
+    Bug(
+        "published before it is in the journal",
+        STATION,
+        0,
+        (
+            Edit("simulate/process.py", "        self._write(event)\n        self._moment(Moment.WRITTEN)\n", ""),
+            Edit(
+                "simulate/process.py",
+                "            self._moment(Moment.PERFORMED)\n",
+                "            self._moment(Moment.PERFORMED)\n        self._write(event)\n        self._moment(Moment.WRITTEN)\n",
+            ),
+        ),
+    ),
+    _one("a hub obeys an old epoch", STATION, 0, HUB, "if message.epoch < now.epoch:", "if False:"),
+    _one("a hub obeys an overtaken goal", STATION, 0, HUB, "if message.seq < now.seq:", "if False:"),
+    _one(
+        "maintenance counts before it is confirmed",
+        STATION,
+        0,
+        STEP,
+        "wish.kind is not WishKind.MAINTENANCE or wish.confirmed_at is None or wish.step is None",
+        "wish.kind is not WishKind.MAINTENANCE or wish.step is None",
+    ),
+    _one(
+        "at a start goals come from the initial state, not from the mirror",
+        STATION,
+        0,
+        STEP,
+        "self.believe({**state.measured, **state.mirror})",
+        "self.believe({**state.measured})",
+    ),
+    _one(
+        "a new planner keeps the epoch",
+        STATION,
+        0,
+        STEP,
+        "epoch = max(newest, now.epoch) + 1",
+        "epoch = max(newest, now.epoch) or 1",
+    ),
+    _one(
+        "a lost resource is commanded",
+        STATION,
+        0,
+        STEP,
+        "if view is not None and (name in self.now.lost or not",
+        "if view is not None and (not",
+    ),
+    _one(
+        "a hub is not asked whom it obeys",
+        STATION,
+        0,
+        STEP,
+        "(name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner))",
+        "name in self.now.lost",
+    ),
+    _one(
+        "commands do not wait for those that they depend on",
+        STATION,
+        0,
+        STEP,
+        "return all(name in self.now.lost or self.mirrors(name) for",
+        "return all(True for",
+    ),
+    _one(
+        "commands go out while the planners think",
+        STATION,
+        0,
+        STEP,
+        "if following is None or now.asked or now.cause is not None or now.halted",
+        "if following is None or now.halted",
+    ),
+    _one(
+        "automatic transitions come after the plan's",
+        STATION,
+        0,
+        STEP,
+        "self.performed() or self.automatic() or self.progress() or self.command()",
+        "self.performed() or self.command() or self.automatic() or self.progress()",
+    ),
+    _one(
+        "timed-out effects are planned on",
+        STATION,
+        0,
+        STEP,
+        "disabled=frozenset(now.disabled),",
+        "disabled=frozenset(),",
+    ),
+    _one(
+        "the order of a plan is ignored",
+        STATION,
+        0,
+        "runner/decision.py",
+        "waiting = (at for at in range(len(self.plan.trace.path)) if at not in self.done)\n"
+        "        return tuple(at for at in waiting if self.done.issuperset(self.plan.after[at]))",
+        "waiting = (at for at in range(len(self.plan.trace.path)) if at not in self.done)\n        return tuple(waiting)",
+    ),
+    _one(
+        "steps out of forbidden states need no approval",
+        STATION,
+        0,
+        STEP,
+        "if following.purpose is Purpose.EXIT and at not in following.approved:",
+        "if False:",
+    ),
+    _one(
+        "a confirmation counts for whatever is asked next",
+        STATION,
+        0,
+        STEP,
+        "                self.granted(request)\n                self.believe(",
+        "                self.believe(",
+    ),
+    _one(
+        "a torn record is read as a whole one",
+        STATION,
+        0,
+        "journal/framing.py",
+        "        if written < body + length:\n            break\n        payload = data[body : body + length]\n"
+        "        if crc32(payload, of_length) != of_payload:\n",
+        "        payload = data[body : body + length]\n        if False:\n",
+    ),
+    _one(
+        "an answer brings back the state that it was asked in",
+        STATION,
+        0,
+        STEP,
+        "if self.now.following or self.now.executing or self.now.asked:",
+        "if self.now.following or self.now.executing:",
+    ),
+    _one(
+        "a superseded planner goes on",
+        STATION,
+        0,
+        STEP,
+        "self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)",
+        "return False",
+    ),
+    _one("goals are sent under the old number", STATION, 0, STEP, "                sequence[name] += 1\n", ""),
+    _one(
+        "nobody notices that a hub is silent",
+        STATION,
+        0,
+        STEP,
+        "if limit is not None and hubs.silent(view, self.now.at, limit):",
+        "if False:",
+    ),
+    _one(
+        "nobody notices that a hub does not do as it is told",
+        STATION,
+        0,
+        STEP,
+        "elif stuck := hubs.stuck(view, resource.mirror_within):",
+        "elif stuck := ():  # type: ignore[assignment]",
+    ),
+    Bug(
+        "the gate lets everything pass, and goals are not taken from the mirror",
+        STATION,
+        0,
+        (
+            Edit(
+                "runner/gate.py",
+                "    interface = station.interfaces[resource]\n",
+                "    return None\n    interface = station.interfaces[resource]\n",
+            ),
+            Edit(STEP, "self.believe({**state.measured, **state.mirror})", "self.believe({**state.measured})"),
+        ),
+    ),
+    _one(
+        "a restarted hub is taken for what it was",
+        STATION,
+        0,
+        STEP,
+        "        if heard is hubs.Heard.REBOOTED:\n",
+        "        if False:\n",
+    ),
+)
+
+
+def planted(bug: Bug | None, folder: Path) -> Path:
+    """A copy of the package with a bug in it."""
+    copy = folder / "smv_planner"
+    shutil.copytree(ROOT / "smv_planner", copy, ignore=shutil.ignore_patterns("__pycache__"))
+    for edit in bug.edits if bug else ():
+        text = (copy / edit.file).read_text(encoding="utf-8")
+        assert text.count(edit.old) == 1, f"{edit.file} has changed: '{edit.old}' is there {text.count(edit.old)} times"
+        (copy / edit.file).write_text(text.replace(edit.old, edit.new), encoding="utf-8")
+    return folder
+
+
+def run(folder: Path, scenario: str, seeds: list[int]) -> subprocess.CompletedProcess[str]:
+    """These seeds on the package in a folder, in a process of its own."""
+    seeds_py = Path(__file__).with_name("seeds.py")
+    environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, str(seeds_py), scenario, *map(str, seeds)]
+    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+
+
+def main(name: str, scenario: str, last: str) -> None:
+    for bug in BUGS:
+        if name not in ("all", bug.name):
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            tree = planted(bug, Path(folder))
+            for seed in range(int(last)):
+                done = run(tree, scenario, [seed])
+                if done.returncode:
+                    told = (done.stdout.splitlines()[2:3] or [""])[0] or done.stderr.splitlines()[-1]
+                    print(f"{bug.name}: {scenario} {seed}: {told.strip()[:200]}", flush=True)
+                    break
+            else:
+                print(f"{bug.name}: NOT FOUND", flush=True)
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:])
