@@ -100,7 +100,7 @@ class Station:
 
     mirrors: Mirrors
     heard_at: dict[str, float] = field(default_factory=dict)
-    documents: dict[str, Any] = field(default_factory=dict)
+    documents: dict[str, str | None] = field(default_factory=dict)
     events: list[str] = field(default_factory=list)
     rejected: int = 0
 
@@ -123,16 +123,34 @@ class Station:
             return None
         try:
             document = json.loads(payload)
-        except ValueError:
+        except (ValueError, RecursionError):
             self.rejected += 1
             return f"unreadable: {key}"
         topic = key.rpartition("/")[2]
-        before, self.documents[topic] = self.documents.get(topic), document
         if topic == "event":
             text = str(document.get("text", document)) if isinstance(document, dict) else str(document)
             self.events = [*self.events, text][-SHOWN_EVENTS:]
             return f"event: {text}"
-        return f"{topic}: {json.dumps(document)[:500]}" if topic in ("plan", "operator") and document != before else None
+        before, self.documents[topic] = self.documents.get(topic), summary(topic, document)
+        return self.documents[topic] if self.documents[topic] != before else None
+
+
+def summary(topic: str, document: object) -> str | None:
+    """What a document of the planner says, on a line, if anybody wants to see it go by."""
+    match topic, document:
+        case "plan", {"operations": [*operations]}:
+            told = [f"{each.get('name')} {each.get('state')}" for each in operations if isinstance(each, dict)]
+            return f"plan: {', '.join(told) or 'none'}"
+        case "operator", {"requests": [*requests]}:
+            return "operator: " + (
+                "; ".join(str(each.get("text")) for each in requests if isinstance(each, dict)) or "nothing asked"
+            )
+        case "situation", {"phase": str(phase), "lost": list(lost), "failed": dict(failed)}:
+            trouble = [f"lost: {', '.join(map(str, lost))}"] * bool(lost) + [f"failed: {', '.join(map(str, failed))}"] * bool(
+                failed
+            )
+            return f"planner: {'; '.join([phase, *trouble])}"
+    return None
 
 
 def _lines(station: Station, mailbox: Mailbox, seconds: float | None) -> None:
@@ -163,7 +181,8 @@ def _shown(station: Station) -> Table:
     from rich.text import Text
 
     at = time.monotonic()
-    caption = Text("\n".join(map(_printable, station.events)))
+    lines = [line for line in station.documents.values() if line]
+    caption = Text("\n".join(map(_printable, [*lines, *station.events])))
     table = Table(title="hubs", caption=caption, caption_justify="left", expand=True)
     for column in ("resource", "heard", "epoch", "goals", "measured"):
         table.add_column(column)

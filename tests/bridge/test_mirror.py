@@ -107,7 +107,10 @@ def test_a_spectator_is_told_of_changes_and_of_nothing_else() -> None:
     measured = replace(state(1, x=1), measured={"y": True})
     assert station.take(keys.state("cell", "r1"), encode(measured), 0.2) == "cell/r1: y = true"
     assert station.take(keys.event("cell"), b'{"text": "r1 is lost"}', 0.3) == "event: r1 is lost"
-    assert station.take(keys.plan("cell"), b"[" * 9, 0.3) == f"unreadable: {keys.plan('cell')}"
+    plan = b'{"operations": [{"name": "bolt", "state": "waiting"}]}'
+    assert station.take(keys.plan("cell"), plan, 0.3) == "plan: bolt waiting"
+    assert station.take(keys.plan("cell"), plan, 0.3) is None
+    assert station.take(keys.plan("cell"), b"[" * 60_000, 0.3) == f"unreadable: {keys.plan('cell')}"
 
 
 def test_the_monitor_that_heard_no_command_has_judged_nothing() -> None:
