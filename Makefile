@@ -14,7 +14,7 @@ BUILD_NUSMV = smv_planner/nusmv_build.py
 CORES := $(shell nproc 2>/dev/null || echo 1)
 PYTEST = $(BIN)/pytest -ra --durations=10 $(if $(filter 1,$(CORES)),,-n 2)
 
-.PHONY: help run nusmv setup test test-long bench lint clean
+.PHONY: help run nusmv setup test test-long bench lint image clean
 
 help: ## say what can be made
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1|/p' Makefile | while IFS='|' read -r target text; do printf '  make %-10s %s\n' "$$target" "$$text"; done
@@ -39,6 +39,9 @@ lint: setup ## ruff, mypy and the import contracts; runs all three, fails if one
 	@failed=; for check in "ruff check ." "mypy" "lint-imports"; do \
 	    echo "$$check"; $(BIN)/$$check || failed="$$failed '$$check'"; \
 	done; [ -z "$$failed" ] || { echo "failed:$$failed"; exit 1; }
+
+image: ## build the container image and try it out, with docker or podman; minutes the first time
+	@container/image.sh
 
 clean: ## remove what was made here; the cached pynusmv wheel stays
 	rm -rf .venv build dist .mypy_cache .pytest_cache .ruff_cache .import_linter_cache .hypothesis
