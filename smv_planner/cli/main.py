@@ -10,7 +10,7 @@ from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import ask, check, emulate, interface, operator, outcome, router, run, watch
+from smv_planner.cli import ask, check, emulate, experiments, interface, operator, outcome, replay, router, run, simulate, watch
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -127,6 +127,32 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
     )
+    simulate.add_simulate(
+        commands.add_parser(
+            "simulate",
+            help="play a station in virtual time",
+            description="Play a whole station in virtual time: the planner, and emulated hubs behind the real messages. The same "
+            "seed tells the same story.",
+            epilog=simulate.EXAMPLES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
+    experiments.add_experiments(
+        commands.add_parser(
+            "experiments",
+            help="play E1 to E9 beside Table 1 of the paper",
+            description="Play the error situations E1 to E9 of Machines 2021 and show planning actions, their times and what the "
+            "operator is asked for beside Table 1. Exits with 1 if one comes out otherwise.",
+        )
+    )
+    replay.add_replay(
+        commands.add_parser(
+            "replay",
+            help="tell what a journal holds, and decide once more",
+            description="Take the events of a journal through the runner again and tell the story; every decision is made once "
+            "more. Exits with 1 if one comes out otherwise.",
+        )
+    )
     return parser
 
 
@@ -157,6 +183,12 @@ def command(arguments: Sequence[str]) -> int:
             return ask.health(asked)
         case "operator":
             return operator.operate(asked)
+        case "simulate":
+            return simulate.run(asked)
+        case "experiments":
+            return experiments.run(asked)
+        case "replay":
+            return replay.run(asked)
     raise AssertionError(asked.command)
 
 

@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
+from typing import cast
 
 from smv_planner.emulation import emulator as emulators
 from smv_planner.emulation.behaviour import Behaviour, Instead, Times
 from smv_planner.journal import Disk
-from smv_planner.model.domains import Value, show_value
+from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.system import State, VariableKind
 from smv_planner.runner.decision import Action
@@ -24,12 +26,15 @@ from smv_planner.simulate.process import MemoryDisk
 from smv_planner.simulate.script import Case, Entry, Habits
 from smv_planner.simulate.world import World
 
+WHOLE = 1 << 32
+"""Bytes that a journal may have before it begins anew: that of a case holds the whole story."""
+
 
 @dataclass
 class Record:
     """What people and cases want to know of a run, gathered from its notes in order."""
 
-    actions: list[Action] = field(default_factory=list)
+    decisions: list[tuple[Action, ...]] = field(default_factory=list)
     operator: list[str] = field(default_factory=list)
     intentions: dict[str, str] = field(default_factory=dict)
     failed: dict[str, None] = field(default_factory=dict)
@@ -42,7 +47,7 @@ class Record:
         data = note.data
         match note.kind:
             case "decision":
-                self.actions += [action for action in data["actions"] if isinstance(action, Action)]  # type: ignore[attr-defined]
+                self.decisions.append(cast(tuple[Action, ...], data["actions"]))
             case "instruct":
                 self.operator.append(str(data["transition"]))
             case "intention" if data["state"] != "initial":  # finished counts, although it may start anew
@@ -63,7 +68,7 @@ class Record:
     def recovery(self) -> tuple[Action, ...]:
         """The planning actions of recoveries in the notation of Table 1, each at its first time."""
         first: dict[str, Action] = {}
-        for action in self.actions:
+        for action in chain.from_iterable(self.decisions):
             if not action.ordinary:
                 first.setdefault(action.name, action)
         return tuple(first.values())
@@ -86,7 +91,7 @@ class Play:
         self._on_note = on_note
         restarts = any(each.planner_killed is not None for each in case.when)
         disk = disk or (MemoryDisk() if restarts else None)
-        self.world = World(station, planners, seed, case.given, on_note=self._noted, disk=disk)
+        self.world = World(station, planners, seed, case.given, on_note=self._noted, disk=disk, segment=WHOLE)
         index = station.system.index
         self.coming = len(case.when)
         self.violated: dict[str, float] = {}
@@ -272,12 +277,3 @@ def _orders(each: Entry) -> Iterator[Order]:
     yield from map(Reenable, each.reenable)
     if each.proceed:
         yield Proceed()
-
-
-def transcript(at: float, note: Note) -> str:
-    """One line for people."""
-    changes = note.data.get("changes")
-    more = ""
-    if isinstance(changes, Mapping) and note.kind == "fired":
-        more = "  " + ", ".join(f"{name} = {show_value(value)}" for name, value in changes.items())
-    return f"{at:8.2f} s  {note.kind:<10} {note.text}{more}".rstrip()

@@ -83,6 +83,7 @@ class Process:
     turned: Callable[[Process, Event, Situation, tuple[Output, ...]], None]
     kill: Callable[[Process, Moment], bool] = lambda process, moment: False
     disk: Disk | None = None
+    segment: int = SEGMENT
     alive: bool = True
     written: int = 0
     torn: int = 0
@@ -95,7 +96,7 @@ class Process:
         """Open the journal, if there is one, and arrive at the situation that it tells of."""
         if self.disk is None:
             return
-        opened = Journal.open(self.disk, self.station.model.hash, SEGMENT)
+        opened = Journal.open(self.disk, self.station.model.hash, self.segment)
         self.journal, self.torn = opened.journal, opened.torn
         if not opened.records:
             self.journal.write([record(self.situation)])

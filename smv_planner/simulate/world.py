@@ -43,7 +43,7 @@ from smv_planner.runner.recovery import Planners, recover
 from smv_planner.runner.situation import Phase, Situation, Station, at_rest
 from smv_planner.simulate.network import CALM, Arrival, Weather, arrivals
 from smv_planner.simulate.operator import Operator
-from smv_planner.simulate.process import Moment, Process
+from smv_planner.simulate.process import SEGMENT, Moment, Process
 
 Happening = Callable[[], None]
 
@@ -87,6 +87,7 @@ class World:
     operator: Operator = field(default_factory=Operator)
     on_note: Callable[[float, Note], None] = lambda at, note: None
     disk: Disk | None = None
+    segment: int = SEGMENT
     weather: Weather = CALM
     watch: Watch = field(default_factory=Watch)
     kill: Callable[[Process, Moment], bool] = lambda process, moment: False
@@ -173,7 +174,7 @@ class World:
     def start_planner(self, name: str, disk: Disk | None = None) -> Situation:
         """A new process of the planner, which goes on from the journal on its disk if there is one: what that tells."""
         known = Known(self.station.model, self.planners.widen)
-        process = Process(name, self.station, known, self._first, self.perform, self.turned, self.kill, disk)
+        process = Process(name, self.station, known, self._first, self.perform, self.turned, self.kill, disk, self.segment)
         process.begin()
         told = process.situation
         self.processes.append(process)
