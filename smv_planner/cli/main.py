@@ -10,7 +10,21 @@ from pathlib import Path
 
 from smv_planner import __version__, language
 from smv_planner.api import encoded, pose
-from smv_planner.cli import ask, check, emulate, experiments, interface, operator, outcome, replay, router, run, simulate, watch
+from smv_planner.cli import (
+    ask,
+    check,
+    emulate,
+    experiments,
+    interface,
+    operator,
+    outcome,
+    replay,
+    router,
+    run,
+    security,
+    simulate,
+    watch,
+)
 from smv_planner.cli.question import add_question, settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.planner.answer import Question
@@ -153,6 +167,16 @@ def parser() -> argparse.ArgumentParser:
             "more. Exits with 1 if one comes out otherwise.",
         )
     )
+    security.add_security_commands(
+        commands.add_parser(
+            "security",
+            help="write access control for a router",
+            description="Print who may say what in a cell, for 'smv-planner router --access-control FILE', or for the "
+            "configuration of zenohd. Emulated hubs cannot be told to fail under it.",
+            epilog=security.NAMES,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+    )
     return parser
 
 
@@ -173,6 +197,8 @@ def command(arguments: Sequence[str]) -> int:
             return watch.run_watch(asked)
         case "interface":
             return interface.run_interface(asked)
+        case "security":
+            return security.run_security(asked)
         case "run":
             return run.run(asked)
         case "config":

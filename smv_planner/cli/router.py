@@ -15,7 +15,7 @@ def add_router(parser: argparse.ArgumentParser) -> None:
         "--listen", metavar="ENDPOINT", action="append", default=[], help=f"where to listen; repeatable (default: {LOOPBACK})"
     )
     group = parser.add_argument_group("security")
-    group.add_argument("--access-control", metavar="FILE", help="Zenoh's 'access_control' as JSON")
+    group.add_argument("--access-control", metavar="FILE", help="as 'smv-planner security acl' writes it")
     add_security(group)
 
 
