@@ -18,7 +18,6 @@ from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Ended, Paused, Tables, explore
 from smv_planner.engines.auto.session import Session, session_of
-from smv_planner.model.expressions import meaning
 from smv_planner.problem import (
     Exhausted,
     Inductive,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
 FEW = 2_000
 """How many states are looked at before relaxed reachability is tried: most plans are found sooner than it is set up."""
 
-SOME = 200
+SOME = 50
 """The same where relaxed reachability is set up already."""
 
 BUDGET = 75_000
@@ -99,9 +98,6 @@ def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Callable
         limits.progress(text)
         return time.monotonic() <= ends
 
-    index = problem.system.index
-    if not all(meaning(invariant.predicate, index)(problem.initial) for invariant in problem.allowed):
-        return Unreachable(Exhausted(frozenset()))
     means = Means(min(budget, limits.memory // BYTES_PER_NODE), limits.memory, on_time, search)
     verdict = answer(problem, session_of(problem.system), means)
     if isinstance(verdict, Late):
@@ -126,6 +122,8 @@ Found = Reached | NotWithin | Unreachable | Late
 
 def answer(problem: Problem, warm: Session, means: Means) -> Found:
     ground, tables = warm.variant(problem.allowed)
+    if not tables.allows(ground.packing.pack(problem.initial)):
+        return Unreachable(Exhausted(frozenset()))
     if means.search is not None:
         return by_clauses(problem, warm, ground, means.search(), means)
     parts = warm.parts(ground).apart(problem)

@@ -82,8 +82,9 @@ class Shared:
         self.packing = Packing(system)
         self.reads = Reads()
         self._substituted: dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]] = {}
-        self.compiled: dict[int, tuple[Expr, Callable[[Sequence[int]], frozenset[Value]]]] = {}  # for relaxed reachability
-        self.singles: dict[int, tuple[Expr, tuple[int, int]]] = {}
+        self.compiled: dict[int, tuple[Expr, Callable[[int], frozenset[Value]]]] = {}  # for relaxed reachability
+        self.hit: dict[int, tuple[Expr, tuple[int, ...] | None]] = {}
+        self.held: dict[int, tuple[Expr, Callable[[int], bool]]] = {}
         self.judged = 0
         self._actions: dict[int, tuple[Transition, tuple[Action, ...]]] = {}
         self._clauses: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}

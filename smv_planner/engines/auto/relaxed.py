@@ -1,14 +1,18 @@
 """Relaxed reachability: which values each variable could ever take, if values once reached were never lost.
 
-Every variable has a set of values, a bit mask; conditions are judged over sets, each part on its own. The sets only
-grow, so the fixpoint takes a moment; they hold whatever can happen and more. A goal that is out of reach even so has
-no plan (the h1 heuristic of classical planning).
+All sets of values together are one integer, a bit for each value of each variable. Conditions are judged over sets, each
+part on its own: whether one may hold then depends on which bits are there, and nearly always it is a conjunction of masks
+that all have to be hit. The sets only grow, so the fixpoint takes a moment; they hold whatever can happen and more. A goal
+that is out of reach even so has no plan (the h1 heuristic of classical planning).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from functools import reduce
+from itertools import product
+from operator import or_
 
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.model.domains import Value
@@ -24,6 +28,7 @@ from smv_planner.model.expressions import (
     Not,
     Or,
     Plus,
+    Var,
     conjuncts,
     meaning,
 )
@@ -34,36 +39,47 @@ from smv_planner.problem import Problem, Relaxed
 EXPRESSIONS = 100_000
 """How many expressions may be kept compiled."""
 
-Sets = Sequence[int]
-"""For every variable of the system a mask of the values it may have, one bit each in the order of the domain."""
+MASKS = 64
+"""How many masks one condition may become."""
+
+Sets = int
+"""For every variable of the system the values it may have: one bit each, variable by variable in the order of its domain."""
 
 Values = Callable[[Sets], frozenset[Value]]
 
 
 @dataclass(frozen=True, slots=True)
 class Condition:
-    """A conjunction: which values of single variables it asks for, and the parts that read several variables."""
+    """A conjunction. What its parts that read a single variable leave of the sets is `narrow`; this has to hit all of `masks`.
 
-    singles: tuple[tuple[int, int], ...]
-    others: tuple[Values, ...]
+    `others` are parts that are no conjunction of masks.
+    """
+
+    narrow: Sets
+    masks: tuple[Sets, ...]
+    others: tuple[Callable[[Sets], bool], ...]
 
     def narrowed(self, sets: Sets) -> Sets | None:
         """The sets as far as the condition may hold; None if it cannot."""
-        for at, mask in self.singles:
-            if not sets[at] & mask:
+        sets &= self.narrow
+        for mask in self.masks:
+            if not sets & mask:
                 return None
-        result = list(sets)
-        for at, mask in self.singles:
-            result[at] &= mask
-        return result if all(True in values(result) for values in self.others) else None
+        for may_hold in self.others:
+            if not may_hold(sets):
+                return None
+        return sets
+
+    def together(self, other: Condition) -> Condition:
+        return Condition(self.narrow & other.narrow, self.masks + other.masks, self.others + other.others)
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What an action adds to the sets of the variables it assigns, if its condition may hold."""
+    """What an action adds to the sets, if its condition may hold."""
 
     condition: Condition
-    constant: tuple[tuple[int, int], ...]
+    constant: Sets
     computed: tuple[tuple[int, Values], ...]
 
 
@@ -74,79 +90,177 @@ class Abstraction:
         self.system: System = of.system
         self.index = of.system.index
         self._domains = tuple(variable.domain.values for variable in of.system.variables)
-        self._bits = tuple({value: 1 << at for at, value in enumerate(values)} for values in self._domains)
+        self._low: list[int] = []
+        self._field: list[Sets] = []
+        self._bits: list[dict[Value, Sets]] = []
+        width = 0
+        for values in self._domains:
+            self._low.append(width)
+            self._field.append(((1 << len(values)) - 1) << width)
+            self._bits.append({value: 1 << width + at for at, value in enumerate(values)})
+            width += len(values)
         self._reads = of.reads
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
-        self._singles: dict[int, tuple[Expr, tuple[int, int]]] = of.shared.singles
+        self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
+        self._held: dict[int, tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
         self.actions = tuple(
             self._outcome(self.condition([*action.conditions, *keeps]), action.assigned)
             for action, keeps in zip(of.actions, of.keeps, strict=True)
         )
-        self.readers: tuple[tuple[int, ...], ...] = self._readers(of)
+        self.allowed = self.condition(of.clauses)
 
     def condition(self, parts: Iterable[Expr]) -> Condition:
-        singles: dict[int, int] = {}
-        others = []
+        narrow, masks, others = -1, dict[Sets, None](), []
         for part in parts:
             names = self._reads(part)
-            if len(names) == 1:
-                at, mask = self._asked(part)
-                singles[at] = singles.get(at, -1) & mask
-            elif names or not meaning(part, {})(()):
-                others.append(self._values(part))
-        return Condition(tuple(singles.items()), tuple(others))
+            hit = self._masks(part)
+            if hit is None:
+                others.append(self._may_hold(part))
+                continue
+            for mask in hit:
+                if len(names) == 1:
+                    (name,) = names
+                    field = self._field[self.index[name]]
+                    narrow &= ~field | mask
+                    mask = field
+                masks.setdefault(mask)
+        return Condition(narrow, tuple(masks), tuple(others))
 
-    def _asked(self, part: Expr) -> tuple[int, int]:
-        """A variable, and the values that a predicate on it asks for."""
-        if id(part) not in self._singles:
-            (name,) = self._reads(part)
-            at, holds = self.index[name], meaning(part, {name: 0})
-            mask = sum(bit for value, bit in self._bits[at].items() if holds((value,)))
-            self._singles[id(part)] = part, (at, mask)
-        return self._singles[id(part)][1]
+    def _masks(self, part: Expr) -> tuple[Sets, ...] | None:
+        """The masks that all have to be hit for a predicate to hold; None if it is not like that."""
+        if id(part) not in self._hit:
+            masks = self._to_hit(part, True)
+            self._hit[id(part)] = part, None if masks is None else tuple(self._in_doubt(masks))
+        return self._hit[id(part)][1]
+
+    def _in_doubt(self, masks: list[Sets]) -> list[Sets]:
+        """Masks without those that are hit whenever others are, or in any case: every variable has some value."""
+        left: list[Sets] = []
+        for mask in sorted(masks, key=int.bit_count):
+            if all(fewer & ~mask for fewer in left) and all(field & ~mask for field in self._field):
+                left.append(mask)
+        return left
+
+    def _to_hit(self, part: Expr, wanted: bool) -> list[Sets] | None:
+        names = self._reads(part)
+        if len(names) < 2:
+            return self._asked(part, wanted)
+        match part:
+            case Named(_, inner):
+                return self._to_hit(inner, wanted)
+            case Not(inner):
+                return self._to_hit(inner, not wanted)
+            case And(parts) | Or(parts):
+                hits = [masks for each in parts if (masks := self._to_hit(each, wanted)) is not None]
+                if len(hits) < len(parts):
+                    return None
+                if isinstance(part, And) is wanted:
+                    return [mask for masks in hits for mask in masks]
+                found: list[Sets] = [0]
+                for masks in hits:
+                    found = list(dict.fromkeys(one | other for one, other in product(found, masks)))
+                    if len(found) > MASKS:
+                        return None
+                return found
+        return None
+
+    def _asked(self, part: Expr, wanted: bool) -> list[Sets]:
+        """What a predicate on one variable asks for: nothing, if it always is as wanted."""
+        names = self._reads(part)
+        holds = meaning(part, dict.fromkeys(names, 0))
+        for name in names:
+            return [sum(bit for value, bit in self._bits[self.index[name]].items() if holds((value,)) is wanted)]
+        return [] if holds(()) is wanted else [0]
+
+    def _may_hold(self, part: Expr) -> Callable[[Sets], bool]:
+        """Whether a predicate may hold that is no conjunction of masks."""
+        if id(part) not in self._held:
+            self._held[id(part)] = part, self._judged(part, True)
+        return self._held[id(part)][1]
+
+    def _judged(self, part: Expr, wanted: bool) -> Callable[[Sets], bool]:
+        hit = self._to_hit(part, wanted)
+        if hit is not None:
+            masks = self._in_doubt(hit)
+            return lambda sets: all(sets & mask for mask in masks)
+        match part:
+            case Named(_, inner):
+                return self._judged(inner, wanted)
+            case Not(inner):
+                return self._judged(inner, not wanted)
+            case Equal(Var(one), Var(other)) if self._domains[self.index[one]] == self._domains[self.index[other]]:
+                first, second = self._low[self.index[one]], self._low[self.index[other]]
+                full = self._field[self.index[one]] >> first
+                if wanted:
+                    return lambda sets: bool(sets >> first & sets >> second & full)
+                return lambda sets: ((sets >> first | sets >> second) & full).bit_count() > 1
+            case And(parts) | Or(parts):
+                return self._connected(parts, wanted, every=isinstance(part, And) is wanted)
+        values = self._values(part)
+        return lambda sets: wanted in values(sets)
+
+    def _connected(self, parts: Iterable[Expr], wanted: bool, every: bool) -> Callable[[Sets], bool]:
+        """`every` part has to be as wanted, or one of them. What a mask decides is looked at first."""
+        masks, judged = [], []
+        for part in parts:
+            hit = self._to_hit(part, wanted)
+            if hit is not None and (every or len(hit) == 1):
+                masks += hit
+            else:
+                judged.append(self._judged(part, wanted))
+        if not every:
+            masks = [reduce(or_, masks, 0)]
+
+        def may_hold(sets: Sets) -> bool:
+            for mask in masks:
+                if bool(sets & mask) is not every:
+                    return not every
+            for part in judged:
+                if part(sets) is not every:
+                    return not every
+            return every
+
+        return may_hold
 
     def trim(self) -> None:
         """Forget what was compiled for earlier questions, if that has become much; what belongs to the actions stays."""
-        if len(self._compiled) + len(self._singles) > EXPRESSIONS:
-            self._compiled.clear()
-            self._singles.clear()
+        if len(self._compiled) + len(self._hit) > EXPRESSIONS:
+            for known in (self._compiled, self._hit, self._held):
+                known.clear()
 
-    def fixpoint(self, start: Iterable[Value], usable: int) -> list[int]:
+    def fixpoint(self, start: Iterable[Value], usable: int) -> Sets:
         """What can follow on `start` by the usable actions, and more."""
-        sets = [bits[value] for bits, value in zip(self._bits, start, strict=True)]
-        waiting = usable
-        while waiting:
-            at = (waiting & -waiting).bit_length() - 1
-            waiting &= waiting - 1
-            outcome = self.actions[at]
-            if not outcome.computed and all(sets[variable] & bit for variable, bit in outcome.constant):
-                continue
-            narrowed = outcome.condition.narrowed(sets)
-            if narrowed is None:
-                continue
-            found = [
-                *outcome.constant,
-                *((variable, self._mask(variable, values(narrowed))) for variable, values in outcome.computed),
-            ]
-            for variable, mask in found:
-                if mask & ~sets[variable]:
-                    sets[variable] |= mask
-                    for reader in self.readers[variable]:
-                        waiting |= 1 << reader
-            waiting &= usable
+        sets = sum(bits[value] for bits, value in zip(self._bits, start, strict=True))
+        waiting = [action for at, action in enumerate(self.actions) if usable >> at & 1]
+        before = 0
+        while sets != before:
+            before, left = sets, []
+            for action in waiting:
+                if not action.computed and not action.constant & ~sets:
+                    continue  # it has nothing to add any more
+                narrowed = action.condition.narrowed(sets)
+                if narrowed is None:
+                    left.append(action)
+                    continue
+                sets |= action.constant
+                if action.computed:
+                    left.append(action)
+                    for variable, values in action.computed:
+                        sets |= self._mask(variable, values(narrowed))
+            waiting = left
         return sets
 
     def _outcome(self, condition: Condition, assigned: Mapping[str, Expr]) -> Outcome:
-        constant, computed = [], []
+        constant, computed = 0, []
         for name, value in assigned.items():
             at = self.index[name]
             if isinstance(value, Const):
-                constant.append((at, self._mask(at, [value.value])))
+                constant |= self._mask(at, [value.value])
             else:
                 computed.append((at, self._values(value)))
-        return Outcome(condition, tuple(constant), tuple(computed))
+        return Outcome(condition, constant, tuple(computed))
 
-    def _mask(self, at: int, values: Iterable[Value]) -> int:
+    def _mask(self, at: int, values: Iterable[Value]) -> Sets:
         """The values that lie in a variable's domain."""
         bits = self._bits[at]
         mask = 0
@@ -155,18 +269,10 @@ class Abstraction:
         return mask
 
     def proof(self, sets: Sets) -> Relaxed:
-        return Relaxed(tuple(self._decoded(at, mask) for at, mask in enumerate(sets)))
+        return Relaxed(tuple(self._decoded(at, sets) for at in range(len(self._domains))))
 
-    def _decoded(self, at: int, mask: int) -> tuple[Value, ...]:
-        return tuple(value for bit, value in enumerate(self._domains[at]) if mask >> bit & 1)
-
-    def _readers(self, of: Ground) -> tuple[tuple[int, ...], ...]:
-        readers: list[list[int]] = [[] for _ in self._domains]
-        for at, (action, keeps) in enumerate(zip(of.actions, of.keeps, strict=True)):
-            read = {name for part in (*action.conditions, *keeps, *action.assigned.values()) for name in self._reads(part)}
-            for name in sorted(read):
-                readers[self.index[name]].append(at)
-        return tuple(map(tuple, readers))
+    def _decoded(self, at: int, sets: Sets) -> tuple[Value, ...]:
+        return tuple(value for value, bit in self._bits[at].items() if sets & bit)
 
     def _values(self, expr: Expr) -> Values:
         """What an expression may be worth."""
@@ -207,10 +313,11 @@ class Abstraction:
             always = frozenset([meaning(expr, {})(())])
             return lambda sets: always
         at, worth = self.index[name], meaning(expr, {name: 0})
-        known: dict[int, frozenset[Value]] = {}
+        field = self._field[at]
+        known: dict[Sets, frozenset[Value]] = {}
 
         def values(sets: Sets) -> frozenset[Value]:
-            mask = sets[at]
+            mask = sets & field
             if mask not in known:
                 known[mask] = frozenset(worth((value,)) for value in self._decoded(at, mask))
             return known[mask]
@@ -255,23 +362,23 @@ def _less(left: frozenset[Value], right: frozenset[Value]) -> frozenset[Value]:
     return frozenset(found)
 
 
-def may_be_met(formula: Formula, abstraction: Abstraction, sets: Sets, allowed: tuple[Expr, ...]) -> bool:
+def may_be_met(formula: Formula, abstraction: Abstraction, sets: Sets) -> bool:
     """Whether a run inside `sets` might satisfy the formula at some time, each of its parts judged on its own."""
     match formula:
         case Atom(predicate):
-            return abstraction.condition([*conjuncts(predicate), *allowed]).narrowed(sets) is not None
+            return abstraction.condition(conjuncts(predicate)).together(abstraction.allowed).narrowed(sets) is not None
         case Next(part):
-            return may_be_met(part, abstraction, sets, allowed)
+            return may_be_met(part, abstraction, sets)
         case Both(left, right):
-            return all(may_be_met(part, abstraction, sets, allowed) for part in (left, right))
+            return all(may_be_met(part, abstraction, sets) for part in (left, right))
         case Either(left, right):
-            return any(may_be_met(part, abstraction, sets, allowed) for part in (left, right))
+            return any(may_be_met(part, abstraction, sets) for part in (left, right))
         case Until(_, right) | Release(_, right):
-            return may_be_met(right, abstraction, sets, allowed)
+            return may_be_met(right, abstraction, sets)
 
 
 def out_of_reach(abstraction: Abstraction, of: Ground, problem: Problem) -> Relaxed | None:
     """Why no goal can be met even when no value is ever lost; None if that does not show it."""
     sets = abstraction.fixpoint(problem.initial, of.usable(problem.unusable))
-    goals_met = all(may_be_met(Until(goal.until, Atom(goal.predicate)), abstraction, sets, of.clauses) for goal in problem.goals)
+    goals_met = all(may_be_met(Until(goal.until, Atom(goal.predicate)), abstraction, sets) for goal in problem.goals)
     return None if goals_met else abstraction.proof(sets)

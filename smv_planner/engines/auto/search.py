@@ -79,11 +79,22 @@ class Tables:
         """A memo for one set of usable actions: from the masks that the views leave to what can be done."""
         return self._ways.setdefault(usable, {})
 
-    def way(self, mask: int, usable: int) -> Way:
-        """What can be done where the views leave `mask`. Whether a state is allowed is judged when it is looked at."""
+    def allows(self, node: int) -> bool:
+        """Whether a packed state is an allowed one."""
+        mask = self.full
+        for view in self.views:
+            mask &= view[node & view.part]
+        return bool(self._needed(mask) & self.allowed)
+
+    def _needed(self, mask: int) -> int:
         for bit, needing in self._unless:
             if mask & bit:
                 mask &= ~needing
+        return mask
+
+    def way(self, mask: int, usable: int) -> Way:
+        """What can be done where the views leave `mask`. Whether a state is allowed is judged when it is looked at."""
+        mask = self._needed(mask)
         enabled = mask & usable
         first = enabled & self.ground.automatic
         if first:
