@@ -39,6 +39,9 @@ PAUSE = 0.001
 BURST = 64
 """So many messages are taken between two rests."""
 
+READER_ENDS = 2.0
+"""Seconds that a reader is given to end; one that answers a question may take so long."""
+
 WILD_RING = 1024
 QUERIES = 64
 
@@ -206,6 +209,7 @@ class _ZenohLink:
     def __init__(self, session: zenoh.Session) -> None:
         self._session = session
         self._publishers: dict[str, zenoh.Publisher] = {}
+        self._readers: list[threading.Thread] = []
         self._kept: list[Any] = []
         """What Zenoh undeclares as soon as nobody refers to it."""
 
@@ -269,6 +273,10 @@ class _ZenohLink:
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]  # ends what the readers read
+        # A thread that the interpreter ends while Zenoh has it takes the whole process down (SIGABRT).
+        for reader in self._readers:
+            if reader is not threading.current_thread():
+                reader.join(READER_ENDS)
 
     def __enter__(self) -> Self:
         return self
@@ -291,7 +299,9 @@ class _ZenohLink:
                     take(each)
                 time.sleep(PAUSE)
 
-        threading.Thread(target=read, name=name, daemon=True).start()
+        reader = threading.Thread(target=read, name=name, daemon=True)
+        self._readers.append(reader)
+        reader.start()
 
 
 def _keep(mailbox: LatestMailbox, sample: zenoh.Sample) -> None:

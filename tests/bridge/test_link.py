@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -13,6 +16,7 @@ from bridge.link import MAX_BYTES, Link, LinkConfig, LinkError, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 
+ROOT = Path(__file__).parents[2]
 PATIENCE = 20.0
 
 
@@ -154,6 +158,27 @@ def test_a_flood_on_one_key_does_not_hold_up_another(one: Link, other: Link) -> 
             one.publish("quiet", b"%d" % number)
             until(lambda: quiet.drain() != [], lambda number=number: one.publish("quiet", b"%d" % number))  # type: ignore[misc]
     until(lambda: flooded.drain() != [], lambda: one.publish("flood", b"again"))
+
+
+BUSY = """
+import sys, threading
+from bridge.link import LinkConfig, open_link
+with open_link(LinkConfig((sys.argv[1],))) as link:
+    boxes = [link.latest(f"busy/{number}") for number in range(50)]
+    link.answer("busy/question", lambda asked: asked)
+    boxes[0].wait(60)
+"""
+
+
+def test_a_process_with_readers_at_work_ends_cleanly(endpoint: str, one: Link) -> None:
+    """Threads that Zenoh has are not ended by the interpreter: that would abort the process."""
+    for _ in range(3):
+        process = subprocess.Popen([sys.executable, "-c", BUSY, endpoint], cwd=ROOT, stderr=subprocess.PIPE, text=True)
+        until(
+            lambda process=process: process.poll() is not None,  # type: ignore[misc]
+            lambda: [one.publish(f"busy/{number}", b"x") for number in range(50) for _ in range(5)],
+        )
+        assert (process.returncode, process.communicate()[1]) == (0, "")
 
 
 @pytest.mark.parametrize(
