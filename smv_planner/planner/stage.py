@@ -57,7 +57,9 @@ def start(model: Model, state: State, chosen: Sequence[Task]) -> tuple[State, tu
     for task in chosen:
         for action in task.operation.on_start:
             if action.variable in model.system.index and not isinstance(action.value, Any):
-                values[model.system.index[action.variable]] = meaning(action.value, model.system.index)(state)
+                value = meaning(action.value, model.system.index)(state)
+                if value in model.system.domains[action.variable]:
+                    values[model.system.index[action.variable]] = value
     executing = (
         Execution(task, {peer.name: post_condition(model, peer, state) for peer in tasks_of(task.operation)}) for task in chosen
     )

@@ -107,8 +107,8 @@ class Request:
     lost: frozenset[str] = frozenset()
     failed: Mapping[str, str] = field(default_factory=dict)
     spent: frozenset[str] = frozenset()
-    given_up: Mapping[str, str] = field(default_factory=dict)
-    ran: frozenset[str] = frozenset()
+    given_up: tuple[Wanted, ...] = ()
+    ran: tuple[str, ...] = ()
     recheck: bool = False
 
 
@@ -143,6 +143,7 @@ class Decision:
     following: Following | None = None
     failed: Mapping[str, str] = field(default_factory=dict)
     possible: tuple[str, ...] = ()
+    reachable: tuple[str, ...] = ()
     given_up: Mapping[str, str] = field(default_factory=dict)
     undecided: str | None = None
     stuck: str | None = None

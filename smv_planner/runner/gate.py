@@ -13,8 +13,12 @@ from smv_planner.runner.decision import Following, Purpose
 from smv_planner.runner.situation import Phase, Situation, Station
 
 
-def refused(station: Station, now: Situation, resource: str, values: Mapping[str, Value]) -> str | None:
-    """Why new goal values of a resource must not be sent; None if they may."""
+def refused(station: Station, now: Situation, resource: str, values: Mapping[str, Value], excused: bool) -> str | None:
+    """Why new goal values of a resource must not be sent; None if they may.
+
+    `excused` are values that no plan has asked for: those of automatic transitions, which nothing may hold back, and those
+    of a device that was moved by hand.
+    """
     interface = station.interfaces[resource]
     if set(values) != set(interface.goals):
         return f"the goal state of '{resource}' is not whole"
@@ -28,10 +32,13 @@ def refused(station: Station, now: Situation, resource: str, values: Mapping[str
         if view.state is not None and dict(view.state.mirror) != dict(values):
             return f"'{resource}' has not taken on the new epoch yet"
         return None
+    if excused:
+        return None
     if resource in now.lost:
         return f"'{resource}' is not there to obey"
-    lifted = _lifted(now.following)
-    broken = station.broken(now.state) - lifted
+    told = now.hubs[resource].commanded
+    held = tuple(told.get(v.name, value) for v, value in zip(station.system.variables, now.state, strict=True))
+    broken = station.broken(now.state) - station.broken(held) - _lifted(now.following)
     if broken:
         return f"'{min(broken)}' would be violated, or could be without any further command"
     return None

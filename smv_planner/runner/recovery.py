@@ -9,11 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from smv_planner.check import CheckedPlan, check_plan
 from smv_planner.model.domains import Bool, Value
-from smv_planner.model.expressions import TRUE, Const, Var, conjunction, meaning
-from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Either, Formula, Until, all_of, holds, over_atoms, parts
+from smv_planner.model.expressions import FALSE, TRUE, Const, Var, conjunction, meaning
+from smv_planner.model.ltl import (
+    ALWAYS_FALSE,
+    ALWAYS_TRUE,
+    Atom,
+    Either,
+    Formula,
+    Until,
+    all_of,
+    holds,
+    over_atoms,
+    parts,
+    progressed,
+)
 from smv_planner.model.model import Intention, Model
 from smv_planner.model.semantics import Steps, fire
 from smv_planner.model.system import Assignment, Kind, State, System, Transition, Variable, VariableKind
@@ -58,11 +71,12 @@ class _Recovery:
         request = self.request
         if violations(self.model.system, request.state, self.planners.widen(self.model.system)):
             return self.leave_forbidden()
-        if request.following is not None and request.following.purpose is Purpose.MAINTENANCE:
-            kept = self.still_reaches(request.following, request.executing)
+        following, executing, course = request.following, request.executing, request.course
+        if following and following.purpose is Purpose.MAINTENANCE and request.given_up and not request.wanted:
+            kept = self.without_help(executing) if request.cause.ordinary else None
+            kept = kept or self.still_reaches(following, executing)
             if kept:
-                return self.going_on(request.executing, request.course, kept)
-        executing, course = request.executing, request.course
+                return self.going_on(executing, course, kept)
         if not request.wanted:
             if not request.given_up:
                 return self.going_on((), None, None)
@@ -88,6 +102,11 @@ class _Recovery:
                 return carried
             executing = tuple(e for e in executing if e.task.name not in self.failed)
             course = None
+
+    def without_help(self, executing: Sequence[Execution]) -> Following | None:
+        """A plan for operations that were in error, if they have become possible without any maintenance."""
+        result = decide(self.stage_problem(self.request.state, executing), self.planners.solve)
+        return Following(result, operations=tuple(executing)) if isinstance(result, CheckedPlan) else None
 
     # --- forward simulation ---------------------------------------------------------------------------------
 
@@ -144,10 +163,10 @@ class _Recovery:
         for one in wanted:
             sequence = intention_of(self.model, one).sequence
             if sequence and sequence.manual:
-                return self.by_hand(one, manual_plan(self.model, sequence))
+                return self.by_hand(one, manual_plan(self.model, sequence, self.request.ran), executing)
         problem = self.operations_problem(wanted, executing)
         by_name = {task.name: task for task in tasks(self.model)}
-        variables = footprints(self.model)
+        variables = {name + end: used for name, used in footprints(self.model).items() for end in ("", GOING_ON)}
         began = self.planners.clock()
         result = decide(problem, self.planners.solve, lambda problem, trace: disjoint(problem, trace, variables))
         name = "OP w/DO" if self.failed or self.request.failed else "OP"
@@ -162,28 +181,34 @@ class _Recovery:
             blamed = frozenset(per_goal[at] for at in sets[0])
             self.given_up |= dict.fromkeys(blamed, result.reason)
             return blamed
-        plan = OperationPlan(tuple(by_name[name] for name in result.trace.path), result.after)
+        plan = OperationPlan(tuple(by_name[name.removesuffix(GOING_ON)] for name in result.trace.path), result.after)
+        return self.continued(Course(plan), executing)
+
+    def by_hand(
+        self, wanted: Wanted, plan: OperationPlan, executing: tuple[Execution, ...]
+    ) -> tuple[Course, tuple[Execution, ...]] | frozenset[str]:
+        """A manual sequence takes the place of operation planning, and goes on after what has run of it."""
+        in_error = [task.name for task in plan.tasks if task.name in self.failed or task.name in self.request.failed]
+        if in_error or not plan.tasks:
+            why = f"'{in_error[0]}' cannot be completed" if in_error else "it ends without reaching its goal"
+            self.given_up[wanted.intention] = f"its manual sequence stops: {why}"
+            return frozenset([wanted.intention])
+        return self.continued(Course(plan), executing)
+
+    def continued(self, course: Course, executing: Iterable[Execution]) -> tuple[Course, tuple[Execution, ...]]:
+        """A new operation plan with the operations that go on in it; what has to wait for others goes back to initial."""
         running = {execution.task.operation.name: execution for execution in executing}
         going_on, begun = [], set()
-        for at, task in enumerate(plan.tasks):
-            execution = running.pop(task.operation.name, None)
-            if execution and not plan.after[at]:  # what waits for others goes back to initial
-                going_on.append(replace(execution, task=task))
+        for at in course.ready():
+            execution = running.pop(course.plan.tasks[at].operation.name, None)
+            if execution:
+                going_on.append(replace(execution, task=course.plan.tasks[at]))
                 begun.add(at)
-        return Course(plan, frozenset(begun)), tuple(going_on)
-
-    def by_hand(self, wanted: Wanted, plan: OperationPlan) -> tuple[Course, tuple[Execution, ...]] | frozenset[str]:
-        """A manual sequence takes the place of operation planning: it is carried out once, as it stands."""
-        begun = self.request.course
-        if begun is not None and begun.plan == plan and begun.begun:
-            self.given_up[wanted.intention] = "its manual sequence cannot go on where it stands"
-            return frozenset([wanted.intention])
-        return Course(plan), ()
+        return replace(course, begun=frozenset(begun)), tuple(going_on)
 
     def operations_problem(self, wanted: Iterable[Wanted], executing: Iterable[Execution]) -> Problem:
         """The operation planner's question; an operation that executes goes on to the post-condition it started with."""
         model, request = self.model, self.request
-        running = {execution.task.operation.name: execution for execution in executing}
         wanted, system = tuple(wanted), operation_system(model)
         problem = Problem(
             system=system,
@@ -195,10 +220,16 @@ class _Recovery:
         )
         sequences = constraints(model, [intention_of(model, one) for one in wanted])
         problem = in_order(model, problem, sequences, request.ran)
-        if running:
-            steps = tuple(_going_on(model, step, running) for step in problem.system.transitions)
-            problem = replace(problem, system=replace(problem.system, transitions=steps))
+        for execution in executing:
+            if self.differs(execution):
+                problem = _with_execution(problem, execution)
         return _marked(problem, model, wanted)
+
+    def differs(self, execution: Execution) -> bool:
+        """Whether going on is something else than starting again."""
+        operation = execution.task.operation
+        _, (again,) = start(self.model, self.request.state, [execution.task])
+        return bool(operation.on_start) or again.posts != execution.posts
 
     # --- transitions ----------------------------------------------------------------------------------------
 
@@ -221,7 +252,11 @@ class _Recovery:
             result = decide(problem, self.planners.solve)
             if isinstance(result, CheckedPlan):
                 self.note(self.transitions(), result, _named(together), began)
-                return self.going_on(together, now, Following(result, operations=together))
+                broken = self.breaks(result)
+                if broken is None:
+                    return self.going_on(together, now, Following(result, operations=together))
+                self.failed |= {execution.task.name: f"its steps break the formula of '{broken}'" for execution in together}
+                return None
             if not result.decided:
                 return self.undecided(result)
             sets = goals_to_blame(problem, result, self.planners.solve)
@@ -233,6 +268,19 @@ class _Recovery:
                 self.failed |= {together[at].task.name: result.reason for at in alone or sets[0]}
                 return None
             ready = ready[:-1] if executing or len(ready) > 1 else []  # possible alone but not together: later
+
+    def breaks(self, plan: CheckedPlan) -> str | None:
+        """The intention whose formula the steps of a plan would break for good, which no operation plan can see."""
+        system = operation_system(self.model)
+        states = [operation_state(self.model, state) for state in (self.request.state, *plan.trace.states)]
+        for wanted in (*self.request.wanted, *self.request.given_up):
+            owed = wanted.owed
+            for before, after in pairwise(states):
+                if before != after:
+                    owed = progressed(owed, before, system.index)
+            if progressed(owed, states[-1], system.index) == ALWAYS_FALSE:
+                return wanted.intention
+        return None
 
     def may_start(self, task: Task) -> bool:
         return bool(meaning(task.operation.guard, self.model.system.index)(self.request.state))
@@ -270,11 +318,11 @@ class _Recovery:
                 continue
             state, (execution,) = start(self.model, self.request.state, [task])
             result = decide(self.stage_problem(state, [execution], maintenance=True), self.planners.solve)
-            if isinstance(result, CheckedPlan):
+            if isinstance(result, CheckedPlan) and not self.breaks(result):
                 system = result.problem.system
                 asked = sum(system.transition[name].kind is Kind.MAINTENANCE for name in result.trace.path)
                 found.append((asked, Following(result, Purpose.MAINTENANCE, operations=(execution,)), execution))
-            elif not result.decided:
+            elif isinstance(result, NoPlan) and not result.decided:
                 undecided = result
         if found:
             _, following, execution = min(found, key=lambda way: (way[0], len(way[1].plan.trace.path)))
@@ -319,15 +367,23 @@ class _Recovery:
         return pose(self.model, begin, [Goal(conjunction(w.invariant.predicate for w in widened))], self.planners.bound)
 
     def recheck(self) -> Decision:
-        """Which operations in error have become possible by themselves; if none, which have with the operator's help."""
+        """What in error is possible again by itself: operations, intentions; or else operations with the operator's help."""
         possible, request = [], self.request
         for task in tasks(self.model):
             if task.name in request.failed and task.name not in request.spent:
                 state, (execution,) = start(self.model, request.state, [task])
-                if isinstance(decide(self.stage_problem(state, [execution]), self.planners.solve), CheckedPlan):
+                result = decide(self.stage_problem(state, [execution]), self.planners.solve)
+                if isinstance(result, CheckedPlan) and not self.breaks(result):
                     possible.append(task.name)
         if possible or not request.given_up:
             return Decision(possible=tuple(possible))
+        reachable = [
+            wanted.intention
+            for wanted in request.given_up
+            if isinstance(decide(self.operations_problem([wanted], request.executing), self.planners.solve), CheckedPlan)
+        ]
+        if reachable or request.following or request.executing:
+            return Decision(reachable=tuple(reachable))
         return self.ask_for_help()
 
     # --- the record -----------------------------------------------------------------------------------------
@@ -390,16 +446,35 @@ def _with(system: System, state: State, values: Mapping[str, Value]) -> State:
     return tuple(values.get(v.name, old) for v, old in zip(system.variables, state, strict=True))
 
 
-def _going_on(model: Model, step: Transition, running: Mapping[str, Execution]) -> Transition:
-    """On the operation level, an operation that executes: no start any more, and the post-condition fixed when it started."""
-    for execution in running.values():
+GOING_ON = " going on"
+"""Behind a task's name: the rest of an execution, instead of another one. No name of a scenario has a space."""
+
+
+def _with_execution(problem: Problem, execution: Execution) -> Problem:
+    """With steps, usable once, that complete an operation that executes: its start is over, its post-condition fixed."""
+    system, task = problem.system, execution.task
+    open_yet = f"{task.operation.name}{GOING_ON}"
+    steps: list[Transition] = []
+    for step in system.transitions:
         posts = execution.posts.get(step.name)
         if posts is not None:
-            guard = TRUE if execution.task.operation.on_start else step.guard
-            promised_ = [Assignment(name, Const(value)) for name, value in posts.items()]
-            of_sequences = [a for a in step.actions if a.variable not in operation_system(model).index]
-            return replace(step, guard=guard, actions=(*promised_, *of_sequences))
-    return step
+            guard = Var(open_yet) if task.operation.on_start else conjunction([step.guard, Var(open_yet)])
+            reached = [Assignment(name, Const(value)) for name, value in posts.items()]
+            decided = operation_variables(task)
+            others = [action for action in step.actions if action.variable not in decided]
+            actions = (*reached, *others, Assignment(open_yet, FALSE))
+            steps.append(replace(step, name=step.name + GOING_ON, guard=guard, actions=actions))
+        steps.append(step)
+    unusable = problem.unusable | {name + GOING_ON for name in problem.unusable}
+    variables = (*system.variables, Variable(open_yet, VariableKind.DECISION, Bool(), True))
+    system = System(variables, tuple(steps), system.invariants)
+    return replace(problem, system=system, initial=(*problem.initial, True), unusable=unusable)
+
+
+def operation_variables(task: Task) -> frozenset[str]:
+    """What starting and completing an operation assigns, whatever its outcome."""
+    effects = (action for outcome in task.operation.outcomes for action in outcome.effects)
+    return frozenset(action.variable for action in (*task.operation.on_start, *effects))
 
 
 BEGUN = " begun"

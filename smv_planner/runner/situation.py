@@ -6,11 +6,12 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
+from math import inf
 from typing import TypeVar
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning, variables_of
-from smv_planner.model.ltl import Formula
+from smv_planner.model.ltl import Formula, atoms
 from smv_planner.model.model import Intention, Model, Resource
 from smv_planner.model.semantics import Steps, ready
 from smv_planner.model.system import Kind, State, System, Transition, Variable, VariableKind
@@ -90,7 +91,8 @@ class Situation:
 
     `heard` are resources whose measured variables are known. `lost`, `timers` and `disabled` say since when. `failed` are
     tasks in error with the reason, `spent` those that failed too often, `failures` counts per operation. `broken` are
-    the invariants violated, as widened. `cause` is why the planners have to be asked, `asked` what they were asked.
+    the invariants violated, as widened. `sequence` numbers what each hub is told, `published` what it was sent.
+    `cause` is why the planners have to be asked, `asked` what they were asked.
     """
 
     at: float
@@ -101,6 +103,7 @@ class Situation:
     since: float = 0.0
     hubs: Mapping[str, HubView] = field(default_factory=dict)
     sequence: Mapping[str, int] = field(default_factory=dict)
+    published: Mapping[str, int] = field(default_factory=dict)
     sent_at: float = 0.0
     heard: frozenset[str] = frozenset()
     lost: Mapping[str, float] = field(default_factory=dict)
@@ -114,7 +117,7 @@ class Situation:
     failed_at: Mapping[str, float] = field(default_factory=dict)
     spent: frozenset[str] = frozenset()
     failures: Mapping[str, int] = field(default_factory=dict)
-    ran: frozenset[str] = frozenset()
+    ran: tuple[str, ...] = ()
     broken: frozenset[str] = frozenset()
     cause: Cause | None = None
     blamed: frozenset[str] = frozenset()
@@ -123,6 +126,7 @@ class Situation:
     not_before: float = 0.0
     troubles: int = 0
     recheck: bool = False
+    rechecked: float = -inf
     wishes: Mapping[str, Wish] = field(default_factory=dict)
     wished: int = 0
     halted: str | None = None
@@ -131,6 +135,7 @@ class Situation:
 
     def but(self, **changes: object) -> Situation:
         """The same with some fields changed: `dataclasses.replace` takes four times as long, and this is asked all the time."""
+        assert changes.keys() <= Situation.__dataclass_fields__.keys(), changes.keys()
         new = object.__new__(Situation)
         new.__dict__.update(self.__dict__)
         new.__dict__.update(changes)
@@ -145,7 +150,7 @@ class Situation:
 class Station:
     """A model with everything that the runner works out once: who is measured where, compiled guards, widened invariants.
 
-    `widened` are the invariants of the model's own system; `widen` is needed for nothing here.
+    `widened` are the invariants of the model's own system.
     """
 
     model: Model
@@ -225,6 +230,20 @@ class Station:
                 used = transition.used.union(*(names for names in read if names & transition.assigned))
                 tied[transition.name] = tuple(sorted({r for v in used & goals if (r := owner[v]) is not None}))
         return tied
+
+    @cached_property
+    def matters(self) -> frozenset[str]:
+        """The variables that planning may have to do with, directly or by what else they make possible."""
+        model = self.model
+        exprs = [w.invariant.predicate for w in self.widened] + [copy.value for copy in model.copies]
+        for intention in model.intentions:
+            exprs += [intention.start, intention.goal, *(atoms(intention.formula) if intention.formula else ())]
+        names = {name for expr in exprs for name in variables_of(expr)}.union(*footprints(model).values())
+        names |= {v.name for v in model.variables if v.kind is not VariableKind.MEASURED}
+        names = names.union(*(t.used for t in model.transitions if t.kind is not Kind.EFFECT))
+        while more := {v for t in self.effects if t.assigned & names for v in t.used} - names:
+            names |= more
+        return frozenset(names)
 
     @property
     def decision_index(self) -> Mapping[str, int]:

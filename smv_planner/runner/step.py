@@ -7,7 +7,7 @@ planners are asked. While they think nothing new is commanded, and what was comm
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from smv_planner.model.domains import Value
@@ -16,7 +16,7 @@ from smv_planner.model.ltl import holds, progressed
 from smv_planner.model.model import OnError
 from smv_planner.model.semantics import fire
 from smv_planner.model.system import Any, Kind, Policy, State, Transition, VariableKind
-from smv_planner.planner.operations import tasks, tasks_of
+from smv_planner.planner.operations import footprints, tasks, tasks_of
 from smv_planner.planner.stage import Execution, goal_of
 from smv_planner.protocol import view as hubs
 from smv_planner.protocol.messages import GoalMessage, StateMessage
@@ -55,11 +55,25 @@ LISTEN = 1.0
 SETTLING = 1000
 """So many automatic steps in a row mean that a model does not settle."""
 
+UNSETTLED = "automatic transitions do not settle"
+
 CONFIRMED = 5.0
 """Seconds in which sensors have to show what the operator says was done."""
 
 PATIENCE = (0.5, 30.0)
-"""Seconds until a question without an answer is put again: at first, doubled each time, and at most."""
+"""Seconds until a question that could not be decided is put again: at first, doubled each time, and at most."""
+
+ASLEEP = 2.0
+"""Seconds without any event after which the runner has slept: what it believes is from before, and so is its plan."""
+
+OVERDUE = 60.0
+"""Seconds until a question that nobody answers is put again."""
+
+RAN = 1000
+"""So many operations that have run are remembered, for prescribed sequences."""
+
+RECHECK = 1.0
+"""Seconds between two looks at what is in error, at least."""
 
 _GRAVITY = (Cause.PROGRESS, Cause.RESUMED, Cause.CHANGED, Cause.DEVIATION, Cause.TIMEOUT, Cause.LOST, Cause.FORBIDDEN)
 
@@ -67,6 +81,9 @@ _GRAVITY = (Cause.PROGRESS, Cause.RESUMED, Cause.CHANGED, Cause.DEVIATION, Cause
 def step(station: Station, situation: Situation, event: Event) -> tuple[Situation, tuple[Output, ...]]:
     """The situation after an event, and what is to be done about it."""
     turn = _Turn(station, situation.but(at=event.at))
+    if situation.phase in (Phase.JOINING, Phase.RUNNING) and event.at - situation.at > max(ASLEEP, 10 * station.model.period):
+        turn.note("alarm", f"nothing has happened for {event.at - situation.at:.1f} s: joining anew")
+        turn.begin(situation.planner)
     match event:
         case Began(_, planner):
             turn.begin(planner)
@@ -90,6 +107,7 @@ class _Turn:
         self.station, self.model, self.system = station, station.model, station.system
         self.now = now
         self.out: list[Output] = []
+        self.told: set[str] = set()  # resources whose goals change by automatic transitions, or by the operator's doing
 
     def set(self, **changes: object) -> None:
         self.now = self.now.but(**changes)
@@ -105,19 +123,34 @@ class _Turn:
         if blamed:
             self.set(blamed=self.now.blamed.union(blamed))
 
+    @property
+    def thinking(self) -> bool:
+        """Whether the planners think about how to go on; a mere look at what is in error holds nothing up."""
+        return self.now.asked is not None and not self.now.asked.recheck
+
+    def look_again(self) -> None:
+        """Something has changed that may make possible what was not."""
+        if not self.now.recheck:
+            self.set(recheck=True)
+        following = self.now.following
+        if self.now.broken and not (following and following.purpose is Purpose.EXIT):
+            self.need(Cause.FORBIDDEN)
+
     # --- taking over ----------------------------------------------------------------------------------------
 
     def begin(self, planner: str) -> None:
         """Nothing of an earlier reign is taken for granted but what only the planner can know."""
         at = self.now.at
         views = {name: hubs.HubView(heard_at=at) for name in self.station.interfaces}
+        by_hand = [n for n in self.now.lost if self.station.resources[n].reenable.policy is Policy.MANUAL]
         self.set(
             phase=Phase.LISTENING,
             planner=planner,
             since=at,
             hubs=views,
             sequence={},
-            lost={},
+            published={},
+            lost=dict.fromkeys(by_hand, at),
             timers={},
             disabled=dict.fromkeys(self.now.disabled, at),
             following=None,
@@ -126,7 +159,7 @@ class _Turn:
             blamed=frozenset(),
             broken=frozenset(),
             not_before=at,
-            recheck=bool(self.now.failed),
+            recheck=True,
         )
         self.keep_wishes(None)
         self.note("began", f"planner {planner} listens", planner=planner)
@@ -139,8 +172,8 @@ class _Turn:
             if all(self.silent_at_start(name) for name in silent):
                 newest = max((view.state.epoch for view in now.hubs.values() if view.state), default=0)
                 epoch = max(newest, now.epoch) + 1
-                self.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0))
-                for name in silent:
+                self.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0), published={})
+                for name in silent - set(now.lost):
                     self.lose(name, "has not spoken since the planner began")
                 for name in now.hubs:
                     if name not in silent:
@@ -165,6 +198,16 @@ class _Turn:
         assert state is not None
         self.believe({**state.measured, **state.mirror})
         self.set(heard=self.now.heard.union([name]))
+        if self.now.phase is not Phase.LISTENING:
+            self.tell(name, state.mirror)
+
+    def tell(self, name: str, values: Mapping[str, Value]) -> None:
+        """From now on, these goals are asked of a hub."""
+        view = self.now.hubs[name]
+        if dict(values) != dict(view.commanded) or not self.now.sequence[name]:
+            number = self.now.sequence[name] + 1
+            view = hubs.command(view, values, self.now.at)
+            self.set(hubs={**self.now.hubs, name: view}, sequence={**self.now.sequence, name: number})
 
     def superseded(self, name: str) -> bool:
         """Another planner rules this hub: give way, or claim a newer epoch if both claimed the same at once."""
@@ -174,7 +217,7 @@ class _Turn:
             return False
         assert view.state is not None
         if view.state.epoch == now.epoch and now.phase is Phase.JOINING and now.planner > view.state.planner:
-            self.set(epoch=now.epoch + 1, since=now.at, sequence=dict.fromkeys(now.hubs, 0))
+            self.set(epoch=now.epoch + 1, since=now.at, sequence=dict.fromkeys(now.hubs, 0), published={})
             self.note("joining", f"epoch {now.epoch + 1}: '{view.state.planner}' claims {now.epoch}", epoch=now.epoch + 1)
             return True
         self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)
@@ -202,10 +245,8 @@ class _Turn:
             return True
         if now.phase not in (Phase.JOINING, Phase.RUNNING):
             return True
-        if name not in now.heard or now.phase is Phase.JOINING:
+        if name not in now.heard or now.phase is Phase.JOINING or (name in now.lost and not view.commanded):
             self.adopt_mirror(name)
-            if name in now.lost:
-                self.regain(name)
             return True
         if heard is hubs.Heard.REBOOTED:
             self.note("rebooted", f"the hub of '{name}' has restarted", resource=name)
@@ -237,29 +278,39 @@ class _Turn:
         # What an effect accounts for that is counted on may have happened without the operator.
         mended = not planned and (row is None or bool(observed)) and self.by_operator(changes)
         if observed and not mended:
-            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in observed}, recheck=True)
-        self.change_seen(name)
+            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in observed})
+            self.look_again()
+        self.change_seen(changes)
         if row and planned:
             self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="planned")
         elif mended:
             self.note("measured", f"{name}: the operator's doing", resource=name, changes=changes, explained="maintenance")
         elif row:
             self.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="enabled")
-            self.deviation(name)
+            self.deviation(name, changes)
         else:
             text = ", ".join(f"{variable} = {value}" for variable, value in changes.items())
             self.note("measured", f"{name}: no effect explains {text}", resource=name, changes=changes, explained="no effect")
-            self.deviation(name)
+            self.deviation(name, changes)
 
-    def deviation(self, name: str) -> None:
-        # A question that is open is about a state that is no more.
-        if self.now.following or self.now.executing or self.now.asked:
+    def deviation(self, name: str, changes: Mapping[str, Value]) -> None:
+        """What no plan waits for was measured. A question that is open is about a state that is no more."""
+        if self.station.matters.isdisjoint(changes):
+            return
+        if self.now.following or self.now.executing or self.thinking:
             self.need(Cause.DEVIATION, self.concerned(name))
+        elif self.now.asked:
+            self.set(asked=None)
+        if self.now.failed or self.now.broken or self.in_error():
+            self.look_again()
+
+    def in_error(self) -> list[str]:
+        return [name for name, pursuit in self.now.intentions.items() if pursuit.status is Status.ERROR]
 
     def follow(self, row: Sequence[str]) -> bool:
         """Tick off a row of effects in the plan; False if one of them is not what the plan waits for."""
         following = self.now.following
-        if following is None or self.now.asked:
+        if following is None:
             return False
         for effect in row:
             at = next((at for at in following.ready() if following.plan.trace.path[at] == effect), None)
@@ -267,6 +318,8 @@ class _Turn:
                 return False
             following = replace(following, done=following.done.union([at]))
         self.set(following=following)
+        if self.thinking:  # about a state that is no more, though nothing is wrong
+            self.need(Cause.PROGRESS)
         return True
 
     def by_operator(self, changes: Mapping[str, Value]) -> bool:
@@ -281,9 +334,14 @@ class _Turn:
                 if all(name in target for name in changes):
                     now = self.system.named(self.now.state)
                     if all(now[name] == value for name, value in target.items() if self.is_live(name)):
-                        self.believe({name: value for name, value in target.items() if self.is_goal(name)})
+                        self.command_by_hand({name: value for name, value in target.items() if self.is_goal(name)})
                     return True
         return False
+
+    def command_by_hand(self, values: Mapping[str, Value]) -> None:
+        """Goals that change because a device was moved by hand, even of a resource that is not there to obey."""
+        self.believe(values)
+        self.told |= {resource for name in values if (resource := self.system.resources[name]) is not None}
 
     def believe(self, values: Mapping[str, Value]) -> None:
         """Put values into the state; everything that depends on decision variables follows."""
@@ -328,19 +386,25 @@ class _Turn:
                 self.may_regain(name)
                 continue
             resource = self.station.resources[name]
-            limit = resource.silent_after
+            joining = self.now.phase is Phase.JOINING
+            limit = resource.silent_after or (LISTEN if joining else None)
             if limit is not None and hubs.silent(view, self.now.at, limit):
                 self.lose(name, f"has been silent for {limit:g} s")
             elif stuck := hubs.stuck(view, resource.mirror_within):
                 self.lose(name, f"does not mirror '{stuck[0]}'")
+            elif joining and not self.rules(view) and self.now.at - self.now.since > resource.mirror_within:
+                self.lose(name, "does not obey")
+
+    def rules(self, view: hubs.HubView) -> bool:
+        return hubs.fenced(view, self.now.epoch, self.now.planner)
 
     def lose(self, name: str, why: str) -> None:
         self.set(lost={**self.now.lost, name: self.now.at})
         self.note("lost", f"'{name}' {why}", resource=name)
         if self.now.phase is Phase.RUNNING:
-            if self.now.following or self.now.executing:
-                self.need(Cause.LOST, ())
-            self.set(recheck=True)
+            if self.now.following or self.now.executing or self.thinking:
+                self.need(Cause.LOST)
+            self.look_again()
 
     def may_regain(self, name: str) -> None:
         """A lost resource counts again when it speaks, obeys and mirrors, as its policy says."""
@@ -357,10 +421,11 @@ class _Turn:
         self.regain(name)
 
     def regain(self, name: str) -> None:
-        self.set(lost={n: at for n, at in self.now.lost.items() if n != name}, recheck=True)
+        self.set(lost={n: at for n, at in self.now.lost.items() if n != name})
         self.adopt_mirror(name)
         self.note("back", f"'{name}' is back", resource=name)
-        if self.now.phase is Phase.RUNNING and (self.now.following or self.now.executing):
+        self.look_again()
+        if self.now.following or self.now.executing or self.thinking:
             self.need(Cause.RESUMED)
 
     # --- effects that do not come ---------------------------------------------------------------------------
@@ -377,7 +442,7 @@ class _Turn:
             effect = self.system.transition[name]
             self.note("timeout", f"'{name}' has not happened within {effect.within:g} s", transition=name)
             following = self.now.following
-            if following and any(following.plan.trace.path[at] == name for at in _remaining(following)):
+            if self.thinking or (following and any(following.plan.trace.path[at] == name for at in _remaining(following))):
                 self.need(Cause.TIMEOUT, self.concerned(effect.resource or ""))
         for name, since in self.now.disabled.items():
             policy = self.system.transition[name].reenable
@@ -388,17 +453,18 @@ class _Turn:
             if operation.reenable.policy is Policy.AFTER and self.now.at - since >= (operation.reenable.after or 0.0):
                 self.allow_again([name])
 
-    def change_seen(self, resource: str) -> None:
-        """What may be tried again because something about its resource has changed."""
+    def change_seen(self, changes: Mapping[str, Value]) -> None:
+        """What may be tried again because something that it depends on has changed."""
         effects = [n for n in self.now.disabled if self.system.transition[n].reenable.policy is Policy.ON_CHANGE]
-        self.enable_again([n for n in effects if resource == self.system.transition[n].resource])
-        spent = [t for t in tasks(self.model) if t.name in self.now.spent and t.operation.reenable.policy is Policy.ON_CHANGE]
-        self.allow_again([t.name for t in spent if resource in self.station.owners[t.operation.name]])
+        self.enable_again([n for n in effects if not self.system.transition[n].used.isdisjoint(changes)])
+        failed = [t for t in tasks(self.model) if t.name in self.now.failed and t.operation.reenable.policy is Policy.ON_CHANGE]
+        self.allow_again([t.name for t in failed if not footprints(self.model)[t.name].isdisjoint(changes)])
 
     def enable_again(self, effects: Sequence[str]) -> None:
         if effects:
-            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in effects}, recheck=True)
+            self.set(disabled={n: at for n, at in self.now.disabled.items() if n not in effects})
             self.note("enabled", f"counting on {', '.join(effects)} again", transitions=tuple(effects))
+            self.look_again()
 
     def allow_again(self, failed: Sequence[str]) -> None:
         """Take tasks out of their error state; what was given up because of them goes on."""
@@ -411,12 +477,16 @@ class _Turn:
             spent=self.now.spent.difference(failed),
             failures={n: count for n, count in self.now.failures.items() if n not in operations},
         )
+        for request, wish in self.now.wishes.items():
+            if wish.kind is WishKind.RETRY and wish.transition in failed:
+                self.granted(request)
+                self.out.append(Withdraw(request))
         self.note("possible", f"{', '.join(failed)} may be tried again", operations=tuple(failed))
         self.revive()
 
     def revive(self) -> None:
         """Intentions in error go on."""
-        ended = [name for name, pursuit in self.now.intentions.items() if pursuit.status is Status.ERROR]
+        ended = self.in_error()
         for name in ended:
             self.pursue(name, replace(self.now.intentions[name], status=Status.EXECUTING, reason=""))
         if ended or self.now.stuck:
@@ -430,8 +500,8 @@ class _Turn:
             case Activate(name) if name in self.now.intentions:
                 self.activate(name)
             case Pause(name) if name in self.now.intentions:
-                if self.now.intentions[name].status is Status.EXECUTING:
-                    self.pursue(name, replace(self.now.intentions[name], status=Status.PAUSED))
+                if self.now.intentions[name].status in (Status.EXECUTING, Status.ERROR):
+                    self.pursue(name, replace(self.now.intentions[name], status=Status.PAUSED, reason=""))
                     self.set(course=None)
                     self.need(Cause.CHANGED)
             case Cancel(name):
@@ -450,11 +520,20 @@ class _Turn:
 
     def activate(self, name: str) -> None:
         pursuit = self.now.intentions[name]
-        if pursuit.status is Status.PAUSED:
-            self.pursue(name, replace(pursuit, status=Status.EXECUTING))
+        if pursuit.status is Status.EXECUTING:
+            return
+        if pursuit.status in (Status.PAUSED, Status.ERROR):
+            self.pursue(name, replace(pursuit, status=Status.EXECUTING, reason=""))
         else:
-            self.pursue(name, Pursuit(Status.EXECUTING, promised(self.model, name)))
+            self.begin_intention(name)
         self.need(Cause.PROGRESS)
+
+    def begin_intention(self, name: str) -> None:
+        """An intention starts, and with it the sequence that it prescribes."""
+        sequences = [self.station.intentions[name].sequence, None if self.now.wanted() else self.model.sequence]
+        anew = {operation for sequence in sequences if sequence for operation in sequence.operations}
+        self.set(ran=tuple(operation for operation in self.now.ran if operation not in anew))
+        self.pursue(name, Pursuit(Status.EXECUTING, promised(self.model, name)))
 
     def cancel(self, name: str) -> None:
         if name in self.now.intentions:
@@ -481,7 +560,7 @@ class _Turn:
             changes = self.system.changes(before, self.now.state)
             self.note("assigned", ", ".join(f"{n} = {v}" for n, v in changes.items()), changes=changes)
             self.need(Cause.CHANGED)
-            self.set(recheck=True)
+            self.look_again()
 
     def reenable(self, name: str) -> None:
         if name in self.now.disabled:
@@ -518,9 +597,9 @@ class _Turn:
     def keep_wishes(self, following: Following | None) -> None:
         """What the operator was asked for stays asked if the new plan has it too; the rest is withdrawn."""
         kept = {}
-        steps = {following.plan.trace.path[at]: at for at in reversed(_remaining(following))} if following else {}
+        steps = {following.plan.trace.path[at]: at for at in reversed(following.ready())} if following else {}
         for request, wish in self.now.wishes.items():
-            if wish.kind is WishKind.RETRY:
+            if wish.kind is WishKind.RETRY or (wish.kind is WishKind.SUBSTITUTE and self.now.halted):
                 kept[request] = wish
             elif wish.kind is WishKind.MAINTENANCE and wish.transition in steps:
                 kept[request] = replace(wish, step=steps[wish.transition])
@@ -554,7 +633,7 @@ class _Turn:
     def performed(self) -> bool:
         """Maintenance that was confirmed, and that sensors show where there are any: it is done (section 4.5)."""
         following = self.now.following
-        if following is None or self.now.asked:
+        if following is None or self.thinking:
             return False
         for request, wish in self.now.wishes.items():
             if wish.kind is not WishKind.MAINTENANCE or wish.confirmed_at is None or wish.step is None:
@@ -564,8 +643,13 @@ class _Turn:
             unseen = [n for n, value in target.items() if self.is_live(n) and now[n] != value]
             if not unseen:
                 self.granted(request)
-                self.believe({n: value for n, value in target.items() if not self.is_live(n)})
-                self.set(following=replace(following, done=following.done.union([wish.step])), recheck=True)
+                if wish.step not in following.ready() or not self.was_possible(following, wish.step):
+                    self.note("unseen", f"'{wish.transition}' was confirmed, but it is not its time any more")
+                    self.need(Cause.DEVIATION)
+                    return True
+                self.command_by_hand({n: value for n, value in target.items() if not self.is_live(n)})
+                self.set(following=replace(following, done=following.done.union([wish.step])))
+                self.look_again()
                 text = f"'{wish.transition}' is done"
                 self.note("fired", text, transition=wish.transition, by="operator", changes=dict(target))
                 return True
@@ -575,6 +659,16 @@ class _Turn:
                 self.wish(replace(wish, confirmed_at=None))
                 return True
         return False
+
+    def was_possible(self, following: Following, at: int) -> bool:
+        """Whether a maintenance step's guard held before the sensors showed that it was done."""
+        plan, system = following.plan, following.plan.problem.system
+        before, target = plan.trace.states[at], self.target(following, at)
+        state = list(self.now.state)
+        for name in target:
+            if self.is_live(name) or self.is_goal(name):
+                state[system.index[name]] = before[system.index[name]]
+        return bool(fire(system, system.transition[plan.trace.path[at]], tuple(state)))
 
     def target(self, following: Following, at: int) -> Mapping[str, Value]:
         """What a maintenance step of the plan makes of the variables it assigns."""
@@ -618,7 +712,7 @@ class _Turn:
         if self.now.cause is not None:
             self.note("stale", "the answer came too late: asking again")
             if asked.recheck:
-                self.set(recheck=True)
+                self.look_again()
             else:
                 self.need(asked.cause, asked.blamed)
             return
@@ -630,7 +724,7 @@ class _Turn:
             self.set(not_before=self.now.at + wait, troubles=self.now.troubles + 1)
             self.note("alarm", f"no decision: {decision.undecided}; asking again in {wait:g} s")
             if asked.recheck:
-                self.set(recheck=True)
+                self.look_again()
             else:
                 self.need(asked.cause, asked.blamed)
             return
@@ -638,13 +732,18 @@ class _Turn:
         if asked.recheck:
             self.adopt_recheck(decision)
         elif not self.used_up(asked, decision):
-            self.adopt(decision)
+            self.adopt(decision, asked.cause)
 
     def adopt_recheck(self, decision: Decision) -> None:
+        """What was in error is possible again, or with the operator's help if nothing else goes on."""
         if decision.possible:
             self.allow_again(decision.possible)
-        elif decision.following is not None:
-            self.adopt(decision)
+        elif decision.reachable:
+            for name in decision.reachable:
+                self.pursue(name, replace(self.now.intentions[name], status=Status.EXECUTING, reason=""))
+            self.need(Cause.RESUMED)
+        elif decision.following is not None and not (self.now.following or self.now.executing):
+            self.adopt(decision, Cause.RESUMED)
 
     def used_up(self, asked: Asked, decision: Decision) -> bool:
         """Count failures: an operation that had to be planned again once too often is in error (section 6.2)."""
@@ -670,6 +769,7 @@ class _Turn:
             course=None,
             following=None,
         )
+        self.after_error(spent, {})
         self.need(asked.cause)
         return True
 
@@ -679,7 +779,7 @@ class _Turn:
         at = dict.fromkeys(failed, self.now.at)
         self.set(failed={**self.now.failed, **failed}, failed_at={**self.now.failed_at, **at})
 
-    def adopt(self, decision: Decision) -> None:
+    def adopt(self, decision: Decision, cause: Cause) -> None:
         """Follow a decision."""
         self.keep_wishes(decision.following)
         self.fail(decision.failed)
@@ -694,67 +794,74 @@ class _Turn:
                 self.note("operation", f"'{execution.task.name}' starts", operation=execution.task.name, state="executing")
         self.set(executing=decision.executing, course=decision.course, following=decision.following, stuck=decision.stuck)
         if decision.following is not None:
-            self.begin_operations(decision.following.plan.problem.initial)
-        helped = {execution.task.name for execution in decision.executing} & set(self.now.failed)
-        if helped:
-            self.set(failed={n: why for n, why in self.now.failed.items() if n not in helped})
+            self.begin_operations(decision, before)
         if decision.stuck:
             self.note("alarm", decision.stuck)
             for name in sorted(self.now.spent):
                 self.wish(Wish(WishKind.RETRY, f"Operation '{name}' {self.now.failed[name]}. Try again?", transition=name))
-        self.after_error(decision)
+        replaced = cause is Cause.LOST and any(not action.ordinary for action in decision.actions)
+        self.after_error(decision.failed, self.now.lost if replaced or decision.failed else {})
 
-    def begin_operations(self, begun: State) -> None:
-        """What starting operations assigns (`on_start`); the plan begins there. What sensors say is not the plan's to change."""
-        own = (VariableKind.DECISION, VariableKind.ESTIMATED)
-        self.believe({v.name: value for v, value in zip(self.system.variables, begun, strict=True) if v.kind in own})
+    def begin_operations(self, decision: Decision, running: Collection[str]) -> None:
+        """What starting operations assigns (`on_start`): the plan begins there."""
+        assert decision.following is not None
+        begun = self.system.named(decision.following.plan.problem.initial)
+        new = [e.task.operation for e in decision.executing if e.task.operation.name not in running]
+        assigned = [action.variable for operation in new for action in operation.on_start]
+        self.believe({name: begun[name] for name in assigned if name in begun})
 
-    def after_error(self, decision: Decision) -> None:
+    def after_error(self, failed: Iterable[str], lost: Iterable[str]) -> None:
         """`on_error`: go on with a substitute, ask for approval first, or halt (section 7)."""
-        if not decision.failed:
-            return
         by_task = {task.name: task.operation for task in tasks(self.model)}
-        said = [by_task[name].on_error for name in decision.failed]  # what the scenario says for all is in these already
-        said += [self.station.resources[name].on_error for name in self.now.lost]
-        failed = ", ".join(f"'{name}'" for name in decision.failed)
-        if OnError.HALT in said:
-            self.set(halted=f"{failed} failed")
-            self.note("alarm", f"{failed} failed: halted until told to proceed")
-        elif OnError.ASK in said and decision.following is not None:
-            self.set(halted=f"{failed} failed")
-            self.wish(Wish(WishKind.SUBSTITUTE, f"{failed} failed. Go on with the plan that replaces it?"))
+        said = {name: by_task[name].on_error for name in failed}  # what the scenario says for all is in these already
+        said |= {name: self.station.resources[name].on_error for name in lost}
+        names = ", ".join(f"'{name}'" for name in said)
+        if OnError.HALT in said.values():
+            self.set(halted=f"{names} failed")
+            self.note("alarm", f"{names} failed: halted until told to proceed")
+        elif OnError.ASK in said.values() and not self.now.halted:
+            self.set(halted=f"{names} failed")
+            self.wish(Wish(WishKind.SUBSTITUTE, f"{names} failed. Go on with what replaces it?"))
 
     def ask(self) -> None:
-        """Put what is needed to the planners, one question at a time."""
+        """Put what is needed to the planners. A look at what is in error comes last, and gives way to everything else."""
         now = self.now
-        if now.asked is not None or now.phase is not Phase.RUNNING or now.at < now.not_before:
+        if now.asked and now.at - now.asked.at > OVERDUE:
+            self.note("alarm", f"question {now.asked.revision} was never answered")
+            if now.asked.recheck:
+                self.look_again()
+            else:
+                self.need(now.asked.cause, now.asked.blamed)
+            self.set(asked=None)
+            now = self.now
+        if now.phase is not Phase.RUNNING or now.at < now.not_before or self.thinking:
             return
         if now.cause is not None:
-            revision = now.revision + 1
-            request = self.request(now.cause)
-            self.set(
-                revision=revision, asked=Asked(revision, now.cause, now.at, blamed=now.blamed), cause=None, blamed=frozenset()
-            )
-            self.out.append(Ask(revision, request))
-        elif now.recheck and not now.following and not now.executing:
-            self.set(recheck=False)
-            in_error = [n for n, pursuit in now.intentions.items() if pursuit.status is Status.ERROR]
-            if now.failed and (in_error or set(now.failed) - now.spent):
-                revision = now.revision + 1
-                self.set(revision=revision, asked=Asked(revision, Cause.RESUMED, now.at, recheck=True))
-                self.out.append(Ask(revision, replace(self.request(Cause.RESUMED), recheck=True)))
+            if now.asked:
+                self.look_again()
+            self.put(Asked(now.revision + 1, now.cause, now.at, blamed=now.blamed))
+            self.set(cause=None, blamed=frozenset())
+        elif now.recheck and not now.asked and now.at - now.rechecked >= RECHECK:
+            self.set(recheck=False, rechecked=now.at)
+            if set(now.failed) - now.spent or self.in_error():
+                self.put(Asked(now.revision + 1, Cause.RESUMED, now.at, recheck=True))
+
+    def put(self, asked: Asked) -> None:
+        request = replace(self.request(asked.cause), recheck=asked.recheck)
+        self.set(revision=asked.revision, asked=asked)
+        self.out.append(Ask(asked.revision, request))
 
     def request(self, cause: Cause) -> Request:
         now = self.now
-        wanted = []
-        for name in now.wanted():
-            owed = now.intentions[name].owed
-            assert owed is not None
-            wanted.append(Wanted(name, owed))
+
+        def pursued(status: Status) -> tuple[Wanted, ...]:
+            pursuits = now.intentions.items()
+            return tuple(Wanted(name, p.owed) for name, p in pursuits if p.status is status and p.owed is not None)
+
         return Request(
             cause=cause,
             state=now.state,
-            wanted=tuple(wanted),
+            wanted=pursued(Status.EXECUTING),
             executing=now.executing,
             course=now.course,
             following=now.following,
@@ -762,7 +869,7 @@ class _Turn:
             lost=frozenset(now.lost),
             failed=now.failed,
             spent=now.spent,
-            given_up={n: p.reason for n, p in now.intentions.items() if p.status is Status.ERROR},
+            given_up=pursued(Status.ERROR),
             ran=now.ran,
         )
 
@@ -772,11 +879,15 @@ class _Turn:
         """Everything that follows from the situation as it is now."""
         if self.now.phase in (Phase.LISTENING, Phase.JOINING):
             self.take_over()
-        if self.now.phase is Phase.RUNNING:
+        if self.now.phase in (Phase.JOINING, Phase.RUNNING):
             self.watch_hubs()
+        if self.now.phase is Phase.RUNNING:
             for _ in range(SETTLING):
                 if not (self.performed() or self.automatic() or self.progress() or self.command()):
                     break
+            else:
+                self.set(halted=UNSETTLED)
+                self.note("alarm", f"{UNSETTLED}: halted after {SETTLING} steps")
             self.watch_effects()
             self.ask()
         if self.now.phase in (Phase.JOINING, Phase.RUNNING):
@@ -784,18 +895,18 @@ class _Turn:
 
     def automatic(self) -> bool:
         """Take the automatic transition that is due, if any."""
-        if self.now.halted or self.at_work():
-            return False
-        due = self.station.steps(self.now.executing).automatic(self.now.state)
-        if due is None:
+        held = self.now.halted or self.at_work()  # then no operation ends; what is always taken, is
+        due = self.station.steps(() if held else self.now.executing).automatic(self.now.state)
+        if due is None or self.now.halted == UNSETTLED:
             return False
         transition, state = due
         before = self.now.state
         self.reach(state)
         changes = self.system.changes(before, state)
+        self.told |= {r for name in changes if self.is_goal(name) and (r := self.system.resources[name]) is not None}
         self.note("fired", f"{transition.name}", transition=transition.name, by="automatic", changes=changes)
         following = self.now.following
-        if following and not self.now.asked and not self.follow([transition.name]):
+        if following and not self.follow([transition.name]):
             self.need(Cause.DEVIATION)
         return True
 
@@ -807,11 +918,20 @@ class _Turn:
         if broken != self.now.broken:
             self.guard_invariants(broken)
         following = self.now.following
-        if following and following.finished and not self.now.asked:
+        if following and following.finished and not self.thinking:
             self.set(following=None)
             if following.purpose is Purpose.EXIT or self.now.executing:
                 self.need(Cause.RESUMED)
+        self.see_what_may_start()
         return False
+
+    def see_what_may_start(self) -> None:
+        """Operations that were waiting for their guard."""
+        now = self.now
+        if now.course is None or now.executing or now.following or now.asked or now.cause or now.halted or now.broken:
+            return
+        if any(self.holds(now.course.plan.tasks[at].operation.guard) for at in now.course.ready()):
+            self.need(Cause.PROGRESS)
 
     def guard_invariants(self, broken: frozenset[str]) -> None:
         self.set(broken=broken)
@@ -840,7 +960,7 @@ class _Turn:
             self.set(
                 executing=others,
                 course=course,
-                ran=self.now.ran.union([operation.name]),
+                ran=(*self.now.ran, operation.name)[-RAN:],
                 failures={n: count for n, count in self.now.failures.items() if n != operation.name},
                 failed={n: why for n, why in self.now.failed.items() if n not in names},
             )
@@ -848,9 +968,9 @@ class _Turn:
             if not others:
                 self.set(following=None)
             self.need(Cause.PROGRESS)
-            if revived or any(p.status is Status.ERROR for p in self.now.intentions.values()):
-                self.set(recheck=True)
+            if revived:
                 self.revive()
+            self.look_again()
             return True
         return False
 
@@ -873,7 +993,7 @@ class _Turn:
             starts = self.station.starts[name](self.now.state)
             match pursuit.status:
                 case Status.INITIAL if starts:
-                    self.pursue(name, Pursuit(Status.EXECUTING, promised(self.model, name)))
+                    self.begin_intention(name)
                     self.need(Cause.PROGRESS)
                     return True
                 case Status.FINISHED | Status.CANCELLED if not starts:
@@ -897,10 +1017,15 @@ class _Turn:
             for action in self.station.intentions[name].actions
             if not isinstance(action.value, Any)
         }
-        self.believe(values)
+        outside = [variable for variable, value in values.items() if value not in self.system.domains[variable]]
+        if outside:
+            self.note("refused", f"what '{name}' does in the end would leave the domain of '{outside[0]}'")
+        self.believe({variable: value for variable, value in values.items() if variable not in outside})
+        self.look_again()
+        following = self.now.following
         if self.now.executing or self.now.wanted():
             self.need(Cause.PROGRESS)
-        else:
+        elif following is None or following.purpose is not Purpose.EXIT:
             self.set(course=None, following=None)
 
     def pursue(self, name: str, pursuit: Pursuit) -> None:
@@ -911,7 +1036,7 @@ class _Turn:
     def command(self) -> bool:
         """Take the next controlled step that the plan allows; ask the operator for what is his (sections 4.1, 4.5)."""
         now, following = self.now, self.now.following
-        if following is None or now.asked or now.cause is not None or now.halted or self.at_work():
+        if following is None or self.thinking or now.cause is not None or now.halted or self.at_work():
             return False
         if now.broken and following.purpose is not Purpose.EXIT:
             return False
@@ -974,38 +1099,28 @@ class _Turn:
 
     def send(self) -> None:
         """Goal states: at once when they change, and all of them every period."""
-        now = self.now
-        periodic = now.at - now.sent_at >= self.model.period - 1e-9
-        views, sequence = dict(now.hubs), dict(now.sequence)
-        for name, view in now.hubs.items():
-            if name not in now.heard or (name in now.lost and not view.commanded):
+        before = self.now
+        periodic = before.at - before.sent_at >= self.model.period - 1e-9
+        for name in before.hubs:
+            if name not in before.heard:
                 continue
-            values = self.goal_state(name)
-            new = values != dict(view.commanded)
-            if new:
-                refused = gate.refused(self.station, now, name, values)
-                if refused is not None:
-                    if sequence[name]:
-                        self.note("gate", f"'{name}' keeps its command: {refused}", resource=name)
-                    if not view.commanded:
-                        continue
-                    values, new = dict(view.commanded), False
-            if new or not sequence[name]:
-                sequence[name] += 1
-                views[name] = hubs.command(view, values, now.at)
-            elif not periodic:
-                continue
-            interface = self.station.interfaces[name]
-            self.out.append(
-                Send(GoalMessage(interface.cell, name, now.epoch, sequence[name], now.planner, interface.model, values))
-            )
-        if periodic or sequence != now.sequence:
-            self.set(hubs=views, sequence=sequence, sent_at=now.at if periodic else now.sent_at)
+            values, told = self.goal_state(name), before.hubs[name].commanded
+            if values != told:
+                refused = gate.refused(self.station, before, name, values, name in self.told)
+                if refused is None:
+                    self.tell(name, values)
+                elif before.sequence[name]:
+                    self.note("gate", f"'{name}' keeps its command: {refused}", resource=name)
+            new = self.now.sequence[name] != before.published.get(name, 0)
+            if self.now.sequence[name] and (new or periodic):
+                interface, told = self.station.interfaces[name], self.now.hubs[name].commanded
+                number, planner = self.now.sequence[name], before.planner
+                message = GoalMessage(interface.cell, name, before.epoch, number, planner, interface.model, told)
+                self.out.append(Send(message))
+        if periodic or self.now.sequence != before.published:
+            self.set(published=self.now.sequence, sent_at=before.at if periodic else before.sent_at)
 
     def goal_state(self, name: str) -> dict[str, Value]:
-        """The goal variables of a resource; a lost one keeps the command that it had."""
-        if name in self.now.lost:
-            return dict(self.now.hubs[name].commanded)
         return {v.name: self.now.state[self.system.index[v.name]] for v in self.station.goals[name]}
 
 

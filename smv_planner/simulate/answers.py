@@ -50,7 +50,7 @@ def key(request: Request) -> Hashable:
         request.lost,
         tuple(request.failed.items()),
         request.spent,
-        tuple(request.given_up.items()),
+        request.given_up,
         request.ran,
         request.recheck,
     )
