@@ -119,7 +119,9 @@ def waits(station: Station, now: Situation) -> list[str]:
     """What has to happen before anything goes on."""
     found = []
     if now.phase is not Phase.RUNNING:
-        found.append(f"the planner is {now.phase.value}")
+        unheard = [name for name in now.hubs if name not in now.heard]
+        more = f", and has never heard from {', '.join(unheard)}" if now.phase is Phase.JOINING and unheard else ""
+        found.append(f"the planner is {now.phase.value}{more}")
     if now.halted:
         found.append(f"halted: {now.halted}")
     if now.asked:
