@@ -13,7 +13,7 @@ from smv_planner.model.domains import Value, show_value
 
 WORDS = {
     "fail": "fail=EFFECT[:TIMES]        the effect does not happen",
-    "instead": "instead=EFFECT:OTHER       another effect happens in its place",
+    "instead": "instead=EFFECT:OTHER[:TIMES] another effect happens in its place",
     "silent": "silent[=off]               the hub reports nothing",
     "stuck": "stuck[=off]                the hub obeys and mirrors no new goals",
     "lying": "lying=VARIABLE:VALUE       the hub reports this whatever is the case",
@@ -37,8 +37,10 @@ def tell(emulator: Emulator, words: str, boot: str, at: float, first: Behaviour)
             effect = _effect(emulator, name)
             return _anew(_behaving(emulator, replace(behaviour, failing={**behaviour.failing, effect: times})))
         case "instead", _ if ":" in argument:
-            effect, other = (_effect(emulator, name) for name in argument.split(":", 1))
-            return _anew(_behaving(emulator, replace(behaviour, instead={**behaviour.instead, effect: Instead(other)})))
+            word, other = argument.split(":", 1)
+            other, times = _times(other)
+            told = Instead(_effect(emulator, other), times=times)
+            return _anew(_behaving(emulator, replace(behaviour, instead={**behaviour.instead, _effect(emulator, word): told})))
         case "lying", _ if ":" in argument:
             name, value = _measured(emulator, argument)
             return _behaving(emulator, replace(behaviour, lying={**behaviour.lying, name: value}))
