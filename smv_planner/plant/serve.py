@@ -87,16 +87,18 @@ class Emulation:
         """Until it is over, which is asked at least every period, or `stop` is called."""
         while not self._closing and not over():
             self._woken.clear()
-            with self._lock:
-                pause = self._turn(self._clock())
-            self._woken.wait(pause)
+            self._woken.wait(self.turn(self._clock()))
 
     def stop(self) -> None:
         self._closing = True
         self._woken.set()
 
-    def _turn(self, at: float) -> float:
+    def turn(self, at: float) -> float:
         """Hear, react and report; how long there is nothing to do."""
+        with self._lock:
+            return self._turn(at)
+
+    def _turn(self, at: float) -> float:
         for wire in self._wires.values():
             for message in wire.goals():
                 match plants.obey(self._plant, message, at):

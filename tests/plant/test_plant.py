@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import signal
 import subprocess
 import sys
+import time
+import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import inf
 from pathlib import Path
 
 import pytest
-from bridge_wires import until
+from bridge_wires import Network, until
 
 import smv_planner as sp
 from bridge import keys
@@ -24,7 +27,7 @@ from smv_planner.errors import UsageError
 from smv_planner.model.domains import Value
 from smv_planner.plant import plant as plants
 from smv_planner.plant.plant import Plant
-from smv_planner.plant.serve import perform, tell
+from smv_planner.plant.serve import Emulation, perform, tell
 from smv_planner.protocol.interface import interfaces
 from smv_planner.protocol.messages import GoalMessage, Rejected, StateMessage, decode_state, encode
 
@@ -164,6 +167,29 @@ def test_guards_see_what_hubs_elsewhere_say() -> None:
 def test_unknown_hubs_are_refused() -> None:
     with pytest.raises(UsageError, match="did you mean 'r1'"):
         planted(STATION, "r11")
+
+
+@pytest.mark.parametrize(("turns", "looked_at"), [(600, 300), pytest.param(100_000, 2_000, marks=pytest.mark.long)])
+def test_an_emulation_does_not_grow(turns: int, looked_at: int) -> None:
+    network = Network()
+    planner, emulation = network.link(), Emulation(DOOR, "door", network.link(), behaviour=QUICK)
+    heard, at = planner.latest(keys.state("door", "door")), time.monotonic()
+    seen: set[Value] = set()
+    try:
+        for number in range(turns):
+            values: dict[str, Value] = {"door.ref": "closed", "door.lock": number % 10 < 5}
+            planner.publish(keys.goal("door", "door"), encode(GoalMessage("door", "door", 1, number + 1, "p", DOOR.hash, values)))
+            planner.publish(keys.goal("door", "door"), b"nonsense")
+            at += max(emulation.turn(at), 0.05)
+            seen |= {json.loads(payload)["measured"]["door.locked"] for _, payload in heard.drain()}
+            if number == turns - looked_at:
+                gc.collect()
+                tracemalloc.start()
+        gc.collect()
+        assert tracemalloc.get_traced_memory()[0] < 50_000
+    finally:
+        tracemalloc.stop()
+    assert seen == {True, False}
 
 
 # --- real processes
