@@ -350,7 +350,8 @@ class Observer(Watch):
             if heard.at - since > limits.mirror_within + SLACK:
                 self.complain("I6", f"{what} commands '{resource}', which does not mirror '{variable}'")
         message = heard.message
-        if (message.epoch, message.planner) != (process.situation.epoch, process.name):
+        # A hub that has just started obeys nobody; whoever speaks to it first rules it.
+        if message.epoch and (message.epoch, message.planner) != (process.situation.epoch, process.name):
             self.complain("fence", f"{what} commands '{resource}', which obeys {message.planner or 'nobody'} ({message.epoch})")
 
     def bounded(self, now: Situation) -> None:
