@@ -131,8 +131,9 @@ class Station:
             text = str(document.get("text", document)) if isinstance(document, dict) else str(document)
             self.events = [*self.events, text][-SHOWN_EVENTS:]
             return f"event: {text}"
-        before, self.documents[topic] = self.documents.get(topic), summary(topic, document)
-        return self.documents[topic] if self.documents[topic] != before else None
+        last, now = self.documents.get(topic), summary(topic, document)
+        self.documents[topic] = now
+        return now if now != last else None
 
 
 def summary(topic: str, document: object) -> str | None:
