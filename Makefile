@@ -14,13 +14,16 @@ BUILD_NUSMV = smv_planner/nusmv_build.py
 CORES := $(shell nproc 2>/dev/null || echo 1)
 PYTEST = $(BIN)/pytest -ra --durations=10 $(if $(filter 1,$(CORES)),,-n 2)
 
-.PHONY: help run nusmv setup test test-long bench lint image clean
+.PHONY: help run demo nusmv setup test test-long bench lint image clean
 
 help: ## say what can be made
 	@sed -n 's/^\([a-z-]*\):[^#]*## /\1|/p' Makefile | while IFS='|' read -r target text; do printf '  make %-10s %s\n' "$$target" "$$text"; done
 
 run: .venv/stamp-project ## plan the example, with wheels alone: the variable RUN at the top of this file
 	$(BIN)/$(RUN)
+
+demo: .venv/stamp-project ## run a whole station as processes: a robot dies, and the work goes on; ends within a minute
+	$(BIN)/smv-planner demo
 
 nusmv: .venv/stamp-nusmv ## build pynusmv for --engine nusmv; needs compilers and minutes
 

@@ -13,6 +13,7 @@ from smv_planner.api import encoded, pose
 from smv_planner.cli import (
     ask,
     check,
+    demo,
     emulate,
     experiments,
     interface,
@@ -177,6 +178,14 @@ def parser() -> argparse.ArgumentParser:
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
     )
+    demo.add_demo(
+        commands.add_parser(
+            "demo",
+            help="show a station in which a robot dies and the work goes on",
+            description="Start router, emulated hubs, planner and operator as processes on this machine, let a robot die while "
+            "it holds the tool, and say what happens until the work is done. It takes less than a minute.",
+        )
+    )
     return parser
 
 
@@ -215,6 +224,8 @@ def command(arguments: Sequence[str]) -> int:
             return experiments.run(asked)
         case "replay":
             return replay.run(asked)
+        case "demo":
+            return demo.demo(asked)
     raise AssertionError(asked.command)
 
 

@@ -1,0 +1,62 @@
+"""The demonstration comes to its end and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def started(*words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "smv_planner", "demo", *words]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True)
+
+
+def of_session(session: int) -> list[str]:
+    """The processes of a session that are still there."""
+    found = []
+    for each in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            _, _, rest = each.read_text().rpartition(") ")
+        except OSError:
+            continue
+        state, _, _, its = rest.split()[:4]
+        if int(its) == session and state != "Z":
+            found.append(each.parent.name)
+    return found
+
+
+def nothing_is_left(session: int) -> bool:
+    ends = time.monotonic() + 30
+    while of_session(session) and time.monotonic() < ends:
+        time.sleep(0.05)
+    return not of_session(session)
+
+
+def test_a_robot_dies_and_the_bolts_are_tightened() -> None:
+    demo = started("--pace", "15")
+    told, _ = demo.communicate()
+    assert demo.returncode == 0, told
+    assert "r2 dies" in told
+    assert "lost       'r2'" in told
+    assert "Remove the nutrunner from r2 by hand" in told
+    assert "TP w/MT" in told.splitlines()[-1]
+    assert nothing_is_left(demo.pid)
+
+
+def test_interrupted_it_leaves_nothing_behind() -> None:
+    demo = started()
+    assert demo.stdout
+    for line in demo.stdout:
+        if "executing" in line:
+            break
+    assert len(of_session(demo.pid)) > 4
+    os.killpg(demo.pid, signal.SIGINT)  # as a terminal does
+    told = demo.communicate()[0]
+    assert demo.returncode == 130, told
+    assert nothing_is_left(demo.pid)
