@@ -184,7 +184,8 @@ def _shown(station: Station) -> Table:
     at = time.monotonic()
     lines = [line for line in station.documents.values() if line]
     caption = Text("\n".join(map(_printable, [*lines, *station.events])))
-    table = Table(title="hubs", caption=caption, caption_justify="left", expand=True)
+    title = f"hubs ({station.rejected} unreadable messages)" if station.rejected else "hubs"
+    table = Table(title=title, caption=caption, caption_justify="left", expand=True)
     for column in ("resource", "heard", "epoch", "goals", "measured"):
         table.add_column(column)
     for name, watched in sorted(station.mirrors.resources.items()):
