@@ -20,6 +20,13 @@ def test_a_case_comes_out_as_it_declares(name: str) -> None:
     assert play(name).run() == []
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("seed", range(1, 6))
+@pytest.mark.parametrize("name", [f"assembly_station/e{number}" for number in range(1, 10)])
+def test_the_error_situations_come_out_the_same_however_fast_devices_are(name: str, seed: int) -> None:
+    assert play(name, seed).run() == []
+
+
 GOOD = """\
 description: d
 given: {set: {bolt_1: placed}}
