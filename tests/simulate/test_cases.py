@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import pytest
 from simulate.played import CASES, LOAD, ROOT, play
 
 from smv_planner.errors import ModelError
 from smv_planner.model.model import Model
-from smv_planner.simulate.script import case, texts
+from smv_planner.simulate.script import Entry, case, texts
 
 LONG = 3600.0
 """A case that is given more virtual time than this is a long test."""
@@ -70,6 +72,14 @@ def test_a_mistake_in_a_case_is_told_with_its_place(good: str, bad: str, told: s
     with pytest.raises(ModelError) as raised:
         case(GOOD.replace(good, bad), station_model(), file="case.yaml")
     assert told in str(raised.value)
+
+
+def test_the_example_in_the_readme_is_a_case() -> None:
+    told = (ROOT / "scenarios" / "README.md").read_text().split("### Cases that are played")[1]
+    example = case(told.split("```yaml\n")[1].split("```")[0], station_model())
+    known = {field.name for field in fields(Entry)}
+    used = {name for each in example.when for name in known if getattr(each, name) != getattr(Entry(), name)}
+    assert used == known, "every key is explained"
 
 
 def test_every_mistake_is_told_at_once() -> None:
