@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, meaning
-from smv_planner.model.ltl import holds, progressed
+from smv_planner.model.ltl import ALWAYS_FALSE, holds, progressed
 from smv_planner.model.model import OnError
 from smv_planner.model.semantics import fire
 from smv_planner.model.system import Any, Kind, Policy, State, Transition, VariableKind
@@ -522,7 +522,7 @@ class _Turn:
         pursuit = self.now.intentions[name]
         if pursuit.status is Status.EXECUTING:
             return
-        if pursuit.status in (Status.PAUSED, Status.ERROR):
+        if pursuit.status in (Status.PAUSED, Status.ERROR) and pursuit.owed != ALWAYS_FALSE:
             self.pursue(name, replace(pursuit, status=Status.EXECUTING, reason=""))
         else:
             self.begin_intention(name)
