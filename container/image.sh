@@ -11,7 +11,17 @@ cd "$(dirname "$0")/.."
 IMAGE=${IMAGE:-smv_planner}
 OWN_BASE=localhost/debian-python:bookworm
 work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
+service=
+compose=()
+
+clean_up() {
+    for _ in 1 2; do # podman removes who holds the network only when all others are gone
+        [ ${#compose[@]} = 0 ] || "${compose[@]}" down --volumes >/dev/null 2>&1 || true
+    done
+    [ -z "$service" ] || kill "$service" 2>/dev/null || true
+    rm -rf "$work"
+}
+trap clean_up EXIT
 
 say() { echo "image: $*" >&2; }
 
@@ -95,4 +105,52 @@ try() {
 
 try smv-plan scenarios/door --goal "door.pos == opened" --second-opinion
 try smv-planner demo
+
+# The station of compose.yaml: a robot dies, the planner is killed and stands up again where it stood, and is sent home.
+if [ "$ENGINE" = podman ]; then
+    # podman speaks docker's language too, but takes names without a registry for docker's own
+    "${engine[@]}" system service --time 0 "unix://$work/socket" >"$work/service.log" 2>&1 &
+    service=$!
+    export DOCKER_HOST=unix://$work/socket SMV_PLANNER_IMAGE=localhost/$IMAGE
+else
+    export SMV_PLANNER_IMAGE=$IMAGE
+fi
+if docker compose version >/dev/null 2>&1; then
+    compose=(docker compose)
+else
+    need docker-compose docker-compose
+    compose=(docker-compose)
+fi
+export COMPOSE_PROJECT_NAME=trial$$
+
+compose() { "${compose[@]}" "$@" </dev/null >>"$work/compose.log" 2>&1; }
+
+planner() { "${compose[@]}" exec -T planner smv-planner "$@" </dev/null 2>/dev/null; }
+
+await() { # what, command ...
+    for _ in {1..120}; do
+        if "${@:2}"; then say "the station: $1"; return; fi
+        sleep 0.5
+    done
+    say "the station: waited in vain until $1"
+    "${compose[@]}" logs --tail 20 >&2
+    exit 1
+}
+
+healthy() { planner health >/dev/null; }
+noted() { "${compose[@]}" logs planner 2>/dev/null | grep "\"event\": \"$1\"" >/dev/null; }
+in_epoch() { planner ask state | grep "epoch $1," >/dev/null; }
+ended_well() { [ "$("${engine[@]}" inspect --format '{{.State.Status}} {{.State.ExitCode}}' "$container" 2>/dev/null)" = "exited 0" ]; }
+
+compose up --detach
+await "the planner is well" healthy
+container=$("${compose[@]}" ps -q planner)
+compose exec -T emulators smv-planner emulate scenarios/assembly_station --tell r1 dead
+await "the planner misses the robot that died" noted lost
+compose kill -s SIGKILL planner
+compose up --detach planner
+await "the planner was killed and is well again" healthy
+await "it commands anew, as its journal has it" in_epoch 2
+compose stop planner
+await "it ends when it is told to" ended_well
 say "$IMAGE works"
