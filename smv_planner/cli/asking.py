@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
+from contextlib import suppress
 from typing import Any
 
 from bridge import keys
 from bridge.link import Link, LinkError
 from smv_planner.cli.network import add_network, setting
 from smv_planner.errors import Mistake, UsageError
+
+DEPTH = 1024
+AGAIN = 1.0
+"""Seconds between two questions for events that have not come."""
 
 
 def add_planner(parser: argparse.ArgumentParser) -> None:
@@ -35,3 +41,48 @@ def cell_of(asked: argparse.Namespace, link: Link) -> str:
 def document(link: Link, key: str, payload: bytes = b"") -> Any:
     """What the planner answers. Raises LinkError."""
     return json.loads(link.ask(key, payload, timeout=10.0))
+
+
+class Events:
+    """What planners say has happened, each event once and in order, also those that were lost on the way."""
+
+    def __init__(self, link: Link, cell: str) -> None:
+        self._link, self._cell = link, cell
+        self._mailbox = link.latest(keys.event(cell), depth=DEPTH)
+        self._last: dict[str, int] = {}
+        self._asked_at = 0.0
+
+    def new(self, wait: float = 0.0) -> list[dict[str, Any]]:
+        """Those since; `wait` is how many seconds to wait for one."""
+        self._mailbox.wait(wait)
+        fresh: list[dict[str, Any]] = []
+        for event in [json.loads(payload) for _, payload in self._mailbox.drain()]:
+            if event["number"] > self._last.get(event["planner"], 0) + 1:
+                fresh += self._missed(event["planner"])
+            fresh += self._first_time(event)
+        if time.monotonic() - self._asked_at > AGAIN:
+            fresh += self._missed(next(reversed(self._last), ""))
+        return fresh
+
+    def _missed(self, planner: str) -> list[dict[str, Any]]:
+        """What a planner has to tell besides; another one tells all that it has."""
+        self._asked_at = time.monotonic()
+        fresh: list[dict[str, Any]] = []
+        with suppress(LinkError):
+            while True:
+                after = json.dumps({"planner": planner, "after": self._last.get(planner, 0)}).encode()
+                told = document(self._link, keys.event(self._cell), after)
+                new = [event for each in told for event in self._first_time(each)]
+                fresh += new
+                if not new:
+                    return fresh
+                planner = new[-1]["planner"]
+        return fresh
+
+    def _first_time(self, event: dict[str, Any]) -> list[dict[str, Any]]:
+        planner = event["planner"]
+        if event["number"] <= self._last.get(planner, 0):
+            return []
+        self._last.pop(planner, None)  # the newest planner stands last
+        self._last[planner] = event["number"]
+        return [event]

@@ -22,6 +22,7 @@ from bridge import keys
 from bridge.link import Link, LinkConfig, open_link
 from smv_planner import language
 from smv_planner.cli import outcome
+from smv_planner.cli.asking import Events
 from smv_planner.errors import EngineError
 
 SCENARIO = "scenarios/assembly_station"
@@ -81,16 +82,15 @@ class Story:
     actions: list[str] = field(default_factory=list)
 
     def told(self, ends: float) -> int:
-        mailbox = self.link.latest(keys.event(CELL), depth=1024)
+        events = Events(self.link, CELL)
         while not self.finished:
             if time.monotonic() > ends:
                 raise EngineError("the demonstration has not come to its end in time")
             for each in self.started:
                 if each.child.poll() is not None:
                     raise EngineError(f"'{each.name}' has ended with {each.child.returncode}: {each.said.read_text()}")
-            mailbox.wait(0.1)
-            for _, payload in mailbox.drain():
-                self.take(json.loads(payload))
+            for event in events.new(wait=0.1):
+                self.take(event)
         print(f"the bolts are tightened although {DIES} has died; recovery: {', '.join(self.actions)}", flush=True)
         return outcome.REACHED if self.lost else outcome.ENGINE_FAILED
 

@@ -261,8 +261,9 @@ def schema(messages: bool) -> int:
     """The JSON Schema of scenarios, or the schemas of messages by kind, to standard output."""
     if messages:
         from bridge.schemas import schemas
+        from smv_planner.daemon.schema import schemas as of_the_planner
 
-        print(json.dumps(schemas(), indent=2))
+        print(json.dumps({**schemas(), **of_the_planner()}, indent=2))
         return outcome.REACHED
     from smv_planner.language.schema import schema as of_scenarios
 

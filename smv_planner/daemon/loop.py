@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkError
+from bridge.link import MAX_BYTES, Link, LinkError
 from smv_planner.daemon import documents, orders
 from smv_planner.daemon.chronicle import Chronicle
 from smv_planner.daemon.planners import Difference, Planners
@@ -48,11 +48,17 @@ QUEUE = 64
 SECOND = 1.0
 """So often is everything said again, for those who have just come."""
 
+RECENT = 1000
+"""So many events are told to those who have missed some."""
+
 BREATH = 0.002
 """Seconds between turns, so that a flood of messages is taken in lots."""
 
 ANSWER = 5.0
 """Seconds that who orders something waits until it is in the journal."""
+
+
+Document = Callable[[Station, Situation], dict[str, Any]]
 
 
 @dataclass
@@ -89,7 +95,8 @@ class Daemon:
         clock: Callable[[], float] = time.monotonic,
         ticked: Callable[[], None] = lambda: None,
     ) -> None:
-        self.station, self.situation, self.link = station, situation, link
+        self.station, self.link = station, link
+        self.situation = replace(situation, phase=Phase.STOPPED)  # whatever it was, this process has not begun
         self.chronicle, self.planners, self.alarm, self.clock, self.ticked = chronicle, planners, alarm, clock, ticked
         self.pulse = Pulse()
         self.stopping = False
@@ -101,10 +108,12 @@ class Daemon:
         self._waiting: deque[Waiting] = deque()
         self._unwritten: list[Began | Answered] = []
         self._events = 0
+        self._recent: deque[bytes] = deque(maxlen=RECENT)
         cell = station.cell
         self._mailbox = link.latest(keys.state(cell), wake=alarm.set)
         for key, document in self._told().items():
-            link.answer(key, lambda _, document=document: documents.encoded(document(station, self.situation)))  # type: ignore[misc]
+            link.answer(key, lambda _, document=document: self.document(document))  # type: ignore[misc]
+        link.answer(keys.event(cell), self.recent)
         link.answer(keys.health(cell), lambda _: documents.encoded(self.health()))
         link.answer(keys.order(cell), self.take_order)
         link.alive(keys.planner(cell))
@@ -128,6 +137,24 @@ class Daemon:
         if waiting.refusal:
             raise ValueError(waiting.refusal)
         return documents.encoded({"format": documents.FORMAT, "kind": "accepted", **orders.said(order)})
+
+    def document(self, made: Document) -> bytes:
+        """As of now. Raises UsageError from one that rules no more: let the other answer."""
+        if self.situation.phase is Phase.FENCED_OUT:
+            raise orders.refused("another planner has taken over; ask that one")
+        return documents.encoded(made(self.station, self.situation))
+
+    def recent(self, payload: bytes) -> bytes:
+        """The events after a number, oldest first, as many as fit: what is published may be lost on its way."""
+        after = orders.after(payload, self.situation.planner)
+        found = [each for number, each in enumerate(list(self._recent), self._events - len(self._recent) + 1) if number > after]
+        size, fitting = 0, list[bytes]()
+        for each in found:
+            size += len(each) + 1
+            if size > MAX_BYTES // 2:
+                break
+            fitting.append(each)
+        return b"[" + b",".join(fitting) + b"]"
 
     def health(self) -> dict[str, Any]:
         """Whether all is well, and what is not."""
@@ -276,8 +303,9 @@ class Daemon:
         self.pulse.counts[f"event {note.kind}"] += 1
         level = logging.WARNING if note.kind in ("alarm", "lost", "timeout", "gate") else logging.INFO
         log.log(level, "%s", note.text, extra={"event": note.kind, "at": round(self.situation.at, 3)})
-        document = documents.event(self.station, self.situation, note, self._events)
-        self.publish(keys.event(self.station.cell), documents.encoded(document))
+        document = documents.encoded(documents.event(self.station, self.situation, note, self._events))
+        self._recent.append(document)
+        self.publish(keys.event(self.station.cell), document)
 
     def tell(self, clock: float) -> None:
         """Publish what has changed, and all of it from time to time."""
@@ -293,7 +321,7 @@ class Daemon:
             self._said_at = clock
             self.publish(keys.health(cell), documents.encoded(self.health()))
 
-    def _told(self) -> dict[str, Callable[[Station, Situation], dict[str, Any]]]:
+    def _told(self) -> dict[str, Document]:
         cell = self.station.cell
         return {
             keys.situation(cell): documents.situation,

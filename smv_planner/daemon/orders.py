@@ -44,25 +44,40 @@ def meant(payload: bytes, station: Station, now: Situation) -> Order:
     try:
         told = json.loads(payload.decode("utf-8"), object_pairs_hook=_once)
     except (ValueError, RecursionError) as error:
-        raise _refused(f"this is not JSON: {error}") from error
+        raise refused(f"this is not JSON: {error}") from error
     word = told.get("order") if type(told) is dict else None
     if type(word) is not str or word not in ORDERS:
-        raise _refused("this is no order", "an object with 'order', one of " + ", ".join(ORDERS))
+        raise refused("this is no order", "an object with 'order', one of " + ", ".join(ORDERS))
     kind, name = ORDERS[word]
     if told.keys() != {"order", *([name] if name else [])}:
-        raise _refused(f"'{word}' has other fields", f"it has '{name}' alone" if name else "it has none")
+        raise refused(f"'{word}' has other fields", f"it has '{name}' alone" if name else "it has none")
     if now.phase is Phase.FENCED_OUT:
-        raise _refused("another planner has taken over; ask that one")
+        raise refused("another planner has taken over; ask that one")
     if kind is Assign:
         return Assign(_values(told["values"], station))
     if name is None:
         return Proceed()
     about = told[name]
     if type(about) is not str:
-        raise _refused(f"'{name}' is not text")
+        raise refused(f"'{name}' is not text")
     _check(kind, about, station, now)
     make: Callable[[str], Order] = kind
     return make(about)
+
+
+def after(payload: bytes, planner: str) -> int:
+    """Which events of this planner somebody has, who asks for those after `{"planner": NAME, "after": NUMBER}`.
+
+    Raises UsageError.
+    """
+    try:
+        told = json.loads(payload or b"{}")
+        number = told.get("after", 0) if told.get("planner", planner) == planner else 0
+    except (ValueError, RecursionError, AttributeError) as error:
+        raise refused("this does not say after which event", 'as in {"planner": "planner-1", "after": 12}') from error
+    if type(number) is not int:
+        raise refused("'after' is no number")
+    return number
 
 
 def _check(kind: type[Order], name: str, station: Station, now: Situation) -> None:
@@ -82,23 +97,24 @@ def _check(kind: type[Order], name: str, station: Station, now: Situation) -> No
 
 def _values(said: object, station: Station) -> dict[str, Value]:
     if type(said) is not dict or not said:
-        raise _refused("'values' is an object of variables and their values")
+        raise refused("'values' is an object of variables and their values")
     mine = (VariableKind.DECISION, VariableKind.ESTIMATED)
     own = {v.name: v for v in station.model.variables if v.kind in mine}
     for name, value in said.items():
         _known(name, own, "decision or estimated variable")
         if value not in own[name].domain:
-            raise _refused(f"{value!r:.80} is no value of '{name}'", f"its domain is {own[name].domain}")
+            raise refused(f"{value!r:.80} is no value of '{name}'", f"its domain is {own[name].domain}")
     return said
 
 
 def _known(name: str, known: Iterable[str], what: str) -> None:
     names = list(known)
     if name not in names:
-        raise _refused(f"there is no {what} '{name:.80}'", did_you_mean(name, names) or ", ".join(names[:8]) or "there is none")
+        raise refused(f"there is no {what} '{name:.80}'", did_you_mean(name, names) or ", ".join(names[:8]) or "there is none")
 
 
-def _refused(text: str, hint: str | None = None) -> UsageError:
+def refused(text: str, hint: str | None = None) -> UsageError:
+    """To be raised: why something asked from outside is not done."""
     return UsageError([Mistake(text, hint)])
 
 

@@ -19,6 +19,7 @@ import smv_planner as sp
 from bridge import keys
 from bridge.link import Link, LinkConfig, LinkError, open_link
 from bridge.router import RouterConfig, free_endpoint, router
+from smv_planner.cli.asking import Events
 from smv_planner.model.domains import Value, show_value
 
 ROOT = Path(__file__).parents[2]
@@ -80,7 +81,7 @@ class Station:
     def __post_init__(self) -> None:
         self.model = load(self.scenario)
         self.events: list[dict[str, Any]] = []
-        self._mailbox = self.link.latest(keys.event(self.cell), depth=1024)
+        self._new = Events(self.link, self.cell)
 
     def start(
         self, *words: str, environment: Mapping[str, str] | None = None, prepare: Callable[[], None] | None = None
@@ -120,7 +121,7 @@ class Station:
         return [word for name, value in self.set.items() for word in ("--set", f"{name}={show_value(value)}")]
 
     def heard(self) -> list[dict[str, Any]]:
-        self.events += [json.loads(payload) for _, payload in self._mailbox.drain()]
+        self.events += self._new.new()
         return self.events
 
     def tell(self, hub: str, *words: str) -> dict[str, Any]:

@@ -1,0 +1,127 @@
+"""JSON Schemas (draft 2020-12) of what the planner publishes and takes under `smv_planner/CELL/...`.
+
+Fields may come to be added; none that is here goes away within format 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from smv_planner.daemon.documents import FORMAT
+from smv_planner.daemon.orders import ORDERS
+from smv_planner.model.system import Kind
+from smv_planner.runner.decision import Cause, Purpose
+from smv_planner.runner.situation import Phase, Status, WishKind
+
+Schema = dict[str, Any]
+
+TEXT: Schema = {"type": "string"}
+NUMBER: Schema = {"type": "number"}
+COUNT: Schema = {"type": "integer", "minimum": 0}
+YES: Schema = {"type": "boolean"}
+TEXTS: Schema = {"type": "array", "items": TEXT}
+VALUE: Schema = {"type": ["boolean", "integer", "string"]}
+VALUES: Schema = {"type": "object", "additionalProperties": VALUE}
+COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
+
+
+def schemas() -> dict[str, Schema]:
+    """One for each kind of document, by the last part of its key; `order` is for what goes in."""
+    return {
+        "situation": _document(
+            "situation",
+            phase=_word(Phase),
+            state={"type": "object", "additionalProperties": {"type": ["boolean", "integer", "string", "null"]}},
+            resources=_each(
+                _object(
+                    status={"enum": ["live", "lost", "unheard"]},
+                    boot=_or_null(TEXT),
+                    epoch=_or_null(COUNT),
+                    mirrors=YES,
+                )
+            ),
+            intentions=_each({**_object(status=_word(Status)), "properties": {"status": _word(Status), "reason": TEXT}}),
+            executing=TEXTS,
+            failed={"type": "object", "additionalProperties": TEXT},
+            disabled=TEXTS,
+            lost=TEXTS,
+            broken=TEXTS,
+            planning={"enum": [*(cause.value for cause in Cause), None]},
+            halted=_or_null(TEXT),
+            stuck=_or_null(TEXT),
+        ),
+        "plan": _document(
+            "plan",
+            operations=_list(_object(name=TEXT, after=_list(COUNT), state={"enum": ["waiting", "executing", "done"]})),
+            purpose={"enum": [*(purpose.value for purpose in Purpose), None]},
+            steps=_list(_object(transition=TEXT, kind=_word(Kind), changes=VALUES, after=_list(COUNT), done=YES)),
+        ),
+        "operator": _document(
+            "operator",
+            requests=_list(
+                _object(
+                    request=TEXT,
+                    kind=_word(WishKind),
+                    answer={"enum": ["confirm", "approve"]},
+                    text=TEXT,
+                    transition=_or_null(TEXT),
+                    values=VALUES,
+                    confirmed=YES,
+                )
+            ),
+        ),
+        "event": _document("event", number={**COUNT, "minimum": 1}, event=TEXT, text=TEXT, data={"type": "object"}),
+        "health": _document(
+            "health",
+            healthy=YES,
+            wrong=TEXTS,
+            phase=_word(Phase),
+            ticks=COUNT,
+            tick_age=NUMBER,
+            missed=COUNT,
+            counts=COUNTS,
+            rejected=COUNTS,
+        ),
+        "order": {"title": "order", "oneOf": [_order(word, field) for word, (_, field) in ORDERS.items()]},
+    }
+
+
+def _order(word: str, field: str | None) -> Schema:
+    rest: dict[str, Schema] = {}
+    if field is not None:
+        rest[field] = {**VALUES, "minProperties": 1} if field == "values" else TEXT
+    return {**_object(order={"const": word}, **rest), "additionalProperties": False}
+
+
+def _document(kind: str, **fields: Schema) -> Schema:
+    head: dict[str, Schema] = {
+        "format": {"const": FORMAT},
+        "kind": {"const": kind},
+        "cell": TEXT,
+        "model": TEXT,
+        "planner": TEXT,
+        "epoch": COUNT,
+        "at": NUMBER,
+    }
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind, **_object(**head, **fields)}
+
+
+def _object(**fields: Schema) -> Schema:
+    return {"type": "object", "properties": fields, "required": list(fields)}
+
+
+def _list(item: Schema) -> Schema:
+    return {"type": "array", "items": item}
+
+
+def _each(item: Schema) -> Schema:
+    return {"type": "object", "additionalProperties": item}
+
+
+def _or_null(schema: Schema) -> Schema:
+    return {**schema, "type": [schema["type"], "null"]}
+
+
+def _word(words: Sequence[Any] | Any) -> Schema:
+    return {"enum": [word.value for word in words]}

@@ -1,0 +1,253 @@
+"""The daemon's loop, turn by turn: the clock, the network and the disk are ours."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import dataclass, field
+from typing import Any
+
+import jsonschema
+import pytest
+from daemon.doubles import LaterPlanners, LoggedDisk, MemoryLink
+from daemon.stations import ROOT, load
+
+from bridge import keys
+from smv_planner import api
+from smv_planner.daemon import chronicle, documents
+from smv_planner.daemon.loop import Daemon
+from smv_planner.daemon.schema import schemas
+from smv_planner.errors import UsageError
+from smv_planner.protocol import hub as hubs
+from smv_planner.protocol.messages import Rejected, decode_goal, encode
+from smv_planner.runner.events import Began
+from smv_planner.runner.records import Known
+from smv_planner.runner.recovery import recover
+from smv_planner.runner.situation import Phase, Station, at_rest
+from smv_planner.simulate.planning import planners
+
+MODEL = load(ROOT / "scenarios" / "door")
+STATION = Station(MODEL, api.widened(MODEL), "door")
+KNOWN = Known(MODEL, api.widened_system)
+PLANNERS = planners()
+PERIOD = MODEL.period
+
+
+@dataclass
+class Bench:
+    """A daemon, obedient hubs that measure their initial values, and a clock that moves when told to."""
+
+    log: list[tuple[str, str]] = field(default_factory=list)
+    now: float = 100.0
+
+    def __post_init__(self) -> None:
+        self.link, self.disk, self.planners = MemoryLink(self.log), LoggedDisk(log=self.log), LaterPlanners()
+        initial = STATION.system.named(STATION.system.initial)
+        self.initial = initial
+        self.hubs = {
+            name: hubs.start(one, f"{name}-1", 0.0, {goal: initial[goal] for goal in one.goals})
+            for name, one in STATION.interfaces.items()
+        }
+        self.begin("one")
+
+    def begin(self, planner: str) -> None:
+        """A process of the planner; what was before is gone."""
+        self.planners = LaterPlanners()
+        found, situation, _ = chronicle.opened(self.disk, STATION, KNOWN, at_rest(STATION))
+        self.daemon = Daemon(STATION, situation, self.link, found, self.planners, threading.Event(), lambda: self.now)
+        self.daemon.turn([Began(self.daemon.at(self.now), planner)])
+
+    def pass_time(self, seconds: float = PERIOD) -> None:
+        """Hubs obey and report, then it is the planner's turn."""
+        self.now += seconds
+        for name, hub in self.hubs.items():
+            for key, payload in self.link.published:
+                if key == keys.goal("door", name):
+                    message = decode_goal(payload, STATION.interfaces[name])
+                    assert not isinstance(message, Rejected)
+                    obeying = hubs.receive(hub, message, self.now)
+                    hub = hub if isinstance(obeying, Rejected) else obeying
+            measured = {variable: self.initial[variable] for variable in STATION.interfaces[name].measured}
+            self.hubs[name], state = hubs.report(hub, measured, self.now)
+            self.link.arrive(keys.state("door", name), encode(state))
+        self.link.published.clear()
+        self.daemon.once(self.now)
+
+    def until_running(self) -> None:
+        for _ in range(20):
+            if self.daemon.situation.phase is Phase.RUNNING:
+                return
+            self.pass_time()
+        raise AssertionError(self.daemon.situation.phase)
+
+    def order(self, **order: Any) -> dict[str, Any]:
+        """An order as it comes from the network, in a thread of its own; its answer. The loop goes on meanwhile."""
+        came: list[Any] = []
+
+        def ask() -> None:
+            try:
+                came.append(json.loads(self.link.ask(keys.order("door"), json.dumps(order).encode())))
+            except (ValueError, UsageError) as error:
+                came.append(error)
+
+        asking = threading.Thread(target=ask)
+        asking.start()
+        while asking.is_alive():
+            self.daemon.once(self.now)
+            asking.join(0.01)
+        if isinstance(came[0], Exception):
+            raise came[0]
+        found: dict[str, Any] = came[0]
+        return found
+
+    def goals(self) -> dict[str, bytes]:
+        return {key: payload for key, payload in self.link.published if key.endswith("/goal")}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    found = Bench()
+    found.until_running()
+    return found
+
+
+def test_nothing_is_published_before_it_is_in_the_journal(bench: Bench) -> None:
+    bench.log.clear()
+    bench.order(order="set", values={next(v.name for v in MODEL.variables if v.resource is None): _other()})
+    event = bench.log.index(("publish", keys.event("door")))
+    assert [what for what, _ in bench.log[:event]] == ["write", "sync"]
+
+
+def test_what_was_accepted_is_there_after_a_crash(bench: Bench) -> None:
+    name = next(v.name for v in MODEL.variables if v.resource is None)
+    assert bench.order(order="set", values={name: _other()})["kind"] == "accepted"
+    bench.begin("two")
+    assert STATION.system.named(bench.daemon.situation.state)[name] == _other()
+
+
+def test_a_new_process_rules_nothing_before_it_has_begun(bench: Bench) -> None:
+    found, situation, _ = chronicle.opened(bench.disk, STATION, KNOWN, at_rest(STATION))
+    assert situation.phase is Phase.RUNNING
+    daemon = Daemon(STATION, situation, bench.link, found, bench.planners, threading.Event(), lambda: bench.now)
+    assert daemon.situation.phase is Phase.STOPPED
+
+
+def test_the_clock_goes_on_where_the_journal_ends(bench: Bench) -> None:
+    before = bench.daemon.situation.at
+    bench.now = 7.0  # the machine has been started anew
+    bench.begin("two")
+    assert bench.daemon.situation.at == before
+    bench.pass_time()
+    assert bench.daemon.situation.at == pytest.approx(before + PERIOD, abs=PERIOD)
+
+
+def test_while_nothing_can_be_written_the_same_is_said_again(bench: Bench) -> None:
+    bench.pass_time()
+    said = bench.goals()
+    before = bench.daemon.situation
+    bench.disk.full = True
+    with pytest.raises(ValueError, match="No space left"):
+        bench.order(order="set", values={next(v.name for v in MODEL.variables if v.resource is None): _other()})
+    bench.pass_time()
+    assert bench.goals() == said
+    assert bench.daemon.situation is before
+    assert bench.daemon.health()["wrong"]
+    bench.disk.full = False
+    bench.pass_time()
+    assert bench.daemon.health()["healthy"]
+    assert bench.daemon.situation.at > before.at
+
+
+def test_a_decision_that_came_while_nothing_could_be_written_is_not_lost(bench: Bench) -> None:
+    bench.order(order="start", intention=MODEL.intentions[0].name)
+    assert bench.planners.asked
+    bench.planners.answer(lambda request: recover(MODEL, request, PLANNERS))
+    bench.disk.full = True
+    bench.pass_time()
+    assert bench.daemon.situation.asked
+    bench.disk.full = False
+    bench.pass_time()
+    bench.pass_time()
+    assert bench.daemon.situation.following or bench.daemon.situation.executing or bench.daemon.situation.failed
+
+
+def test_goals_are_repeated_every_period_however_late_the_ticks_are(bench: Bench) -> None:
+    for late in (0.001, 0.05, 0.001, 0.09, 0.01, 0.001):
+        bench.pass_time(PERIOD + late * PERIOD)
+        assert bench.goals()
+        bench.now -= late * PERIOD
+
+
+def test_after_a_standstill_hubs_speak_first(bench: Bench) -> None:
+    bench.now += 60.0
+    bench.daemon.once(bench.now)
+    for _ in range(3):
+        bench.pass_time()
+    assert not bench.daemon.situation.lost
+    assert bench.daemon.pulse.missed > 0
+
+
+def test_without_a_router_the_loop_goes_on(bench: Bench) -> None:
+    bench.link.broken = True
+    bench.pass_time()
+    bench.link.broken = False
+    bench.pass_time()
+    assert bench.goals()
+
+
+@pytest.mark.parametrize(
+    ("order", "reason"),
+    [
+        (b"not json", "not JSON"),
+        (b'{"order": "dance"}', "no order"),
+        (b'{"order": "start", "order": "start"}', "twice"),
+        (b'{"order": "start"}', "other fields"),
+        (b'{"order": "start", "intention": "nonsense"}', "there is no intention 'nonsense'"),
+        (b'{"order": "start", "intention": 3}', "not text"),
+        (b'{"order": "confirm", "request": "1.1"}', "no open request"),
+        (b'{"order": "set", "values": {"door.pos": "opened"}}', "no decision or estimated variable"),
+        (b'{"order": "set", "values": {}}', "'values' is an object"),
+        (b"[" * 100_000, "not JSON"),
+        (b"\xff\xfe", "not JSON"),
+    ],
+)
+def test_an_order_that_means_nothing_is_refused_with_the_reason(bench: Bench, order: bytes, reason: str) -> None:
+    with pytest.raises(UsageError, match=reason):
+        bench.link.ask(keys.order("door"), order)
+
+
+@pytest.mark.parametrize("payload", [b"", b"{}", b"\xff", b"[" * 70_000, b'{"format":1,"kind":"state"}'])
+def test_a_message_that_is_none_is_counted_and_changes_nothing(bench: Bench, payload: bytes) -> None:
+    before = bench.daemon.situation.hubs
+    bench.link.arrive(keys.state("door", next(iter(bench.hubs))), payload)
+    bench.link.arrive("smv/door/nobody/state", payload)
+    bench.daemon.once(bench.now)
+    assert sum(count for name, count in bench.daemon.pulse.counts.items() if name.startswith("rejected")) == 2
+    assert bench.daemon.situation.hubs == before
+
+
+def test_what_is_published_is_as_documented(bench: Bench) -> None:
+    told: dict[str, Any] = {}
+    bench.order(order="start", intention=MODEL.intentions[0].name)
+    bench.planners.answer(lambda request: recover(MODEL, request, PLANNERS))
+    for _ in range(7):  # more than a second: everything is said at least once
+        told.update({key.rpartition("/")[2]: json.loads(payload) for key, payload in bench.link.published})
+        bench.pass_time()
+    del told["goal"]  # the bridge's
+    assert set(told) == {"situation", "plan", "operator", "event", "health"}
+    for kind, document in told.items():
+        jsonschema.validate(document, schemas()[kind])
+        assert document["kind"] == kind
+        assert not set(schemas()[kind]["required"]) ^ set(document), "every field is documented"
+
+
+def test_events_that_were_missed_can_be_asked_for(bench: Bench) -> None:
+    events = json.loads(bench.link.ask(keys.event("door")))
+    assert [event["number"] for event in events] == list(range(1, len(events) + 1))
+    last = {"planner": "one", "after": len(events) - 1}
+    assert json.loads(bench.link.ask(keys.event("door"), documents.encoded(last))) == events[-1:]
+
+
+def _other() -> Any:
+    variable = next(v for v in MODEL.variables if v.resource is None)
+    return next(value for value in variable.domain.values if value != variable.initial)
