@@ -85,7 +85,7 @@ def test_a_journal_tells_the_story_again_and_the_decisions_come_out_the_same(tmp
 
     assert story(told.stdout) == story(played.stdout)
     assert len(story(told.stdout)) > 20
-    assert "3 decisions, all the same" in told.stdout
+    assert re.search(r", [1-9]\d* decisions, all the same$", told.stdout, re.MULTILINE)
 
 
 def test_a_replay_up_to_a_time_says_what_was_going_on(tmp_path: Path) -> None:
