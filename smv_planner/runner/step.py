@@ -1102,7 +1102,8 @@ class _Turn:
         before = self.now
         periodic = before.at - before.sent_at >= self.model.period - 1e-9
         for name in before.hubs:
-            if name not in before.heard:
+            # What a hub that has not spoken yet was told in an earlier reign is no reason to tell it so again.
+            if name not in before.heard or before.hubs[name].state is None:
                 continue
             values, told = self.goal_state(name), before.hubs[name].commanded
             if values != told:

@@ -68,6 +68,7 @@ class Reign:
     following: Following | None = None
     done: set[int] = field(default_factory=set)
     approved: set[int] = field(default_factory=set)
+    explained: set[str] = field(default_factory=set)
     instructed: dict[str, str] = field(default_factory=dict)
     confirmed: set[str] = field(default_factory=set)
     enabled: dict[str, float] = field(default_factory=dict)
@@ -154,8 +155,6 @@ class Observer(Watch):
         if all(isinstance(output, Send) for output in outputs):
             return
         state = self.believed(reign, event, before, after)
-        broken = self.forbidden(state)
-        moved = False
         for output in outputs:
             match output:
                 case Ask(revision):
@@ -165,7 +164,6 @@ class Observer(Watch):
                 case Note("timeout"):
                     self.timed_out(reign, str(output.data["transition"]))
                 case Note("fired"):
-                    moved = True
                     state = self.fired(process, reign, output, state, after, before)
                 case Note("measured"):
                     self.tick_off(reign, output.data.get("effects") or ())
@@ -173,18 +171,6 @@ class Observer(Watch):
                     state = self.changed(state, output.data["changes"])
                 case _:
                     pass
-        if moved and any(self.is_new(reign, output.message) for output in outputs if isinstance(output, Send)):
-            worse = self.forbidden(after.state) - broken
-            lifted = reign.following.lifted if reign.following and reign.following.purpose is Purpose.EXIT else frozenset()
-            if worse - lifted:
-                self.complain("I1", f"commands lead to where {', '.join(sorted(worse - lifted))} is violated or may be")
-
-    def is_new(self, reign: Reign, message: GoalMessage) -> bool:
-        """Whether a goal message asks for something else than the one before, and than its hub mirrors."""
-        old, heard = reign.published.get(message.resource), reign.heard.get(message.resource)
-        if heard and dict(heard.message.mirror) == dict(message.values):
-            return False
-        return old is None or dict(old.values) != dict(message.values)
 
     def decided(self, reign: Reign, event: Event, before: Situation, after: Situation) -> None:
         match event:
@@ -269,6 +255,7 @@ class Observer(Watch):
         name, by = str(note.data["transition"]), note.data["by"]
         changes: Mapping[str, Value] = note.data["changes"]  # type: ignore[assignment]
         self.counts[f"{by} steps"] += 1
+        reign.explained.update(changes)
         transition = self._transition(reign, name)
         if by == "controlled":
             self.allowed_to(process, reign, name, transition, state, changes, after, before)
@@ -313,7 +300,8 @@ class Observer(Watch):
             self.complain("I3", f"'{name}' is no step that the plan decided on last waits for")
         elif following.purpose is Purpose.EXIT and at not in reign.approved:
             self.complain("I1", f"'{name}' on the way out of a forbidden state was not approved")
-        if before.asked is not None and after.asked is not None and before.asked.revision == after.asked.revision:
+        asked = before.asked if before.asked and after.asked and before.asked.revision == after.asked.revision else None
+        if asked and not asked.recheck:  # a mere look at what is in error holds nothing up
             self.complain("I3", f"'{name}' while the planners are thinking")
         broken = self.forbidden(target)
         if broken and (following is None or following.purpose is not Purpose.EXIT or broken - following.lifted):
@@ -394,7 +382,11 @@ class Observer(Watch):
         if old is None or old.epoch != message.epoch:
             self.complain("I3", f"the first command of an epoch to '{name}' is not what it mirrors")
         self.counts["commands"] += 1
-        self.available(process, reign, name, "a new goal")
+        for variable, value in message.values.items():
+            asked = old is not None and old.values[variable] == value
+            if not asked and variable not in reign.explained and not (heard and heard.message.mirror[variable] == value):
+                self.complain("I3", f"'{variable}' is commanded to be {value}, and no step was taken that asks for it")
+        reign.explained.difference_update(message.values)
         self.alone(process, message)
 
     def new_epoch(self, process: Process, epoch: int) -> None:

@@ -93,6 +93,19 @@ def test_a_hub_that_never_speaks_is_lost_and_blocks_nobody_else_once_it_is_known
 # --- following a plan
 
 
+def test_after_a_restart_a_hub_that_is_silent_is_not_told_what_it_was_told_before() -> None:
+    rig = Rig().begin()
+    assert rig.sent("right")[-1].values == {"right.to": "out"}
+    rig.do(Began(rig.at, "q"))
+    before = len(rig.sent("right"))
+    rig.wait(4.0, silent=("right",))
+    assert rig.now.phase is Phase.RUNNING
+    assert "right" in rig.now.lost
+    assert len(rig.sent("right")) == before
+    rig.wait(0.4)
+    assert len(rig.sent("right")) > before
+
+
 def test_independent_operations_run_at_the_same_time() -> None:
     rig = Rig().begin()
     assert rig.executing == ["work_left", "work_right"]

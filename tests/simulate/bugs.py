@@ -135,8 +135,8 @@ BUGS = (
         STATION,
         0,
         STEP,
-        "if following is None or now.asked or now.cause is not None or now.halted",
-        "if following is None or now.halted",
+        "if following is None or self.thinking or now.cause is not None or now.halted or self.at_work():",
+        "if following is None or now.halted or self.at_work():",
     ),
     _one(
         "automatic transitions come after the plan's",
@@ -181,14 +181,6 @@ BUGS = (
         "        payload = data[body : body + length]\n        if False:\n",
     ),
     _one(
-        "an answer brings back the state that it was asked in",
-        STATION,
-        0,
-        STEP,
-        "if self.now.following or self.now.executing or self.now.asked:",
-        "if self.now.following or self.now.executing:",
-    ),
-    _one(
         "a superseded planner goes on",
         STATION,
         0,
@@ -196,7 +188,14 @@ BUGS = (
         "self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)",
         "return False",
     ),
-    _one("goals are sent under the old number", STATION, 0, STEP, "                sequence[name] += 1\n", ""),
+    _one(
+        "goals are sent under the old number",
+        STATION,
+        0,
+        STEP,
+        "number = self.now.sequence[name] + 1",
+        "number = self.now.sequence[name] or 1",
+    ),
     _one(
         "nobody notices that a hub is silent",
         STATION,
