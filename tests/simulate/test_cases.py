@@ -98,7 +98,7 @@ def test_one_file_may_hold_a_case_for_each_of_several_words() -> None:
 
 def test_the_same_seed_tells_the_same_story_and_another_seed_another_one() -> None:
     def story(seed: int) -> list[tuple[float, str]]:
-        played = play("assembly_station/e9", seed)
+        played = play("door/played_jam", seed)
         assert played.run() == []
         return [(at, note.text) for at, note in played.world.notes]
 
