@@ -149,12 +149,23 @@ class Rig:
         self.do(Answered(self.at, asked.revision, decision))
         return decision
 
+    def answer_all(self) -> Rig:
+        """The planners answer until nothing is asked."""
+        for _ in range(30):
+            if not self.now.asked:
+                return self
+            self.answer()
+        raise AssertionError("one question follows from the other, and none settles anything")
+
     def begin(self) -> Rig:
         """Until the planner runs and has its first plan."""
         self.wait(0.4)
-        while self.now.asked:
-            self.answer()
-        return self
+        return self.answer_all()
+
+    def reboot(self, name: str, boot: str, **goals: Value) -> None:
+        """A hub's process begins anew, and obeys goals of its own until it is told."""
+        resting = {f"{name}.{variable}": value for variable, value in goals.items()}
+        self.hubs[name] = hubs.start(self.station.interfaces[name], boot, self.at, resting)
 
     # --- what is the case
 

@@ -1,0 +1,63 @@
+"""Planners and hubs that die, begin anew and come back (DESIGN: fencing, holding)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from rig import TWO_ARMS, Rig
+from small_stations import edited
+
+from smv_planner.runner.events import Began
+from smv_planner.runner.situation import Phase
+
+
+def _succeeded(rig: Rig, text: str, deaf: str | None = None) -> Rig:
+    """Another planner takes over with what the first one knew, when hubs have begun anew."""
+    later = Rig(text)
+    later.now, later.at = replace(rig.now, phase=Phase.STOPPED), 10.0
+    later.deaf = {deaf} if deaf else set()
+    later.do(Began(10.0, "q"))
+    return later
+
+
+def test_a_hub_that_was_silent_when_the_planner_began_comes_back_after_its_time() -> None:
+    text = edited(TWO_ARMS, ("silent_after: 1 s", "silent_after: 1 s\n    reenable: after 1 s"))
+    later = _succeeded(Rig(text).begin(), text)
+    later.wait(2.0, silent=("right",))
+    later.answer_all()
+    assert later.now.phase is Phase.RUNNING
+    assert "right" in later.now.lost
+    told = len(later.sent("right"))
+    later.wait(20.0)
+    assert "right" not in later.now.lost
+    assert len(later.sent("right")) > told
+
+
+def test_a_hub_that_dies_while_the_planner_joins_does_not_hold_it_up() -> None:
+    later = _succeeded(Rig().begin(), TWO_ARMS, deaf="right")
+    later.wait(0.4)
+    assert later.now.phase is Phase.JOINING
+    later.wait(60.0, silent=("right",))
+    assert later.now.phase is Phase.RUNNING
+    assert "right" in later.now.lost
+
+
+def test_a_hub_that_speaks_but_never_obeys_does_not_hold_up_joining() -> None:
+    rig = Rig()
+    rig.deaf.add("right")
+    rig.wait(60.0)
+    assert rig.now.phase is Phase.RUNNING
+    assert "right" in rig.now.lost
+
+
+def test_a_resource_that_only_people_may_count_on_again_stays_lost_when_the_planner_begins_anew() -> None:
+    rig = Rig(edited(TWO_ARMS, ("silent_after: 1 s", "silent_after: 1 s\n    reenable: manual"))).begin()
+    rig.wait(2.0, silent=("left",))
+    rig.answer_all().wait(2.0)
+    rig.answer_all()
+    assert "left" in rig.now.lost
+    rig.do(Began(rig.at, "p"))
+    rig.wait(1.0)
+    rig.answer_all()
+    assert rig.now.phase is Phase.RUNNING
+    assert "left" in rig.now.lost
