@@ -19,7 +19,7 @@ from bridge import keys
 from bridge.link import MAX_BYTES, Link, LinkError
 from smv_planner.daemon import documents, orders
 from smv_planner.daemon.chronicle import Chronicle
-from smv_planner.daemon.planners import Difference, Planners
+from smv_planner.daemon.planners import Opinion, Planners
 from smv_planner.protocol.messages import Rejected, StateMessage, decode_state, encode
 from smv_planner.runner.events import (
     Answered,
@@ -249,12 +249,17 @@ class Daemon:
         found: list[Event] = [replace(each, at=at) for each in self._unwritten]
         self._unwritten = []
         for reply in self.planners.replies():
-            if isinstance(reply, Difference):
-                text = f"engines differ: {reply.reason}; '{reply.folder}' holds the question and both answers"
-                self.perform(Note("alarm", text, {"folder": reply.folder}))
+            if isinstance(reply, Opinion):
+                self.opinion(reply)
             else:
                 found.append(Answered(at, *reply))
         return found
+
+    def opinion(self, opinion: Opinion) -> None:
+        self.pulse.counts["second opinion differs" if opinion.differs else "second opinion agrees"] += 1
+        if opinion.differs:
+            text = f"engines differ: {opinion.differs}; '{opinion.folder}' holds the question and both answers"
+            self.note(Note("alarm", text, {"folder": opinion.folder}))
 
     def turn(self, events: list[Event]) -> bool:
         """Take steps, write, perform. False if it could not be written; then nothing has happened."""

@@ -15,7 +15,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import IO, Protocol
 
-from smv_planner.daemon.worker import ANSWER, DIFFERENCE, LENGTH, Job
+from smv_planner.daemon.worker import ANSWER, LENGTH, OPINION, Job
 from smv_planner.runner.decision import Decision, Request
 from smv_planner.runner.events import Answered
 from smv_planner.runner.records import Known, Unreadable, entry, question
@@ -25,14 +25,14 @@ GRACE = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class Difference:
-    """Two engines differ; `folder` reproduces it."""
+class Opinion:
+    """A second engine agrees; or it differs, for this reason, and `folder` reproduces it."""
 
-    reason: str
-    folder: str
+    differs: str | None = None
+    folder: str | None = None
 
 
-Reply = tuple[int, Decision] | Difference
+Reply = tuple[int, Decision] | Opinion
 
 
 class Planners(Protocol):
@@ -85,7 +85,7 @@ class Worker:
         found: list[Reply] = []
         while self._replies:
             reply = self._replies.popleft()
-            if isinstance(reply, Difference):
+            if isinstance(reply, Opinion):
                 found.append(reply)
             elif reply[0] == self._open:
                 self._open = None
@@ -145,9 +145,9 @@ class Worker:
             for line in back:
                 if line.startswith(ANSWER):
                     self._replies.append(self._read(line.removeprefix(ANSWER)))
-                elif line.startswith(DIFFERENCE):
-                    told = json.loads(line.removeprefix(DIFFERENCE))
-                    self._replies.append(Difference(told["reason"], told["folder"]))
+                elif line.startswith(OPINION):
+                    told = json.loads(line.removeprefix(OPINION))
+                    self._replies.append(Opinion(told.get("reason"), told.get("folder")))
                 self._wake()
         process.over = True
         process.some.set()

@@ -16,7 +16,7 @@ from smv_planner import api
 from smv_planner.engines import ENGINES, Limits
 from smv_planner.errors import EngineError
 from smv_planner.model.model import Model
-from smv_planner.planner.second_opinion import Differs, Says, compare
+from smv_planner.planner.second_opinion import Agrees, Differs, Says, compare
 from smv_planner.problem import Problem, Undecided, Verdict
 
 WAITING = 16
@@ -24,7 +24,7 @@ DEADLINE = 60.0
 
 
 class Second:
-    """`tell` hears of each difference as JSON: what differs, and the folder that reproduces it."""
+    """`tell` hears as JSON of each question that both answered: nothing, or what differs and the folder that reproduces it."""
 
     def __init__(self, model: Model, first: str, second: str, folder: str, tell: Callable[[bytes], None]) -> None:
         self._model, self._first, self._second, self._folder, self._tell = model, first, second, folder, tell
@@ -52,6 +52,8 @@ class Second:
             return  # a broken second engine says nothing about the first
         one, two = Says(self._first, verdict), Says(self._second, other)
         match compare(one, two):
+            case Agrees():
+                self._tell(b"{}")
             case Differs(reason):
                 kept = api.keep_difference(self._model, problem, one, two, reason, within=self._folder)
                 self._tell(json.dumps({"reason": reason, "folder": str(kept)}).encode("ascii"))

@@ -28,7 +28,7 @@ from smv_planner.runner.records import Known, asked, record
 from smv_planner.runner.recovery import Planners, recover
 
 LENGTH = struct.Struct("<Q")
-ANSWER, DIFFERENCE = b"answer ", b"difference "
+ANSWER, OPINION = b"answer ", b"opinion "
 
 _PR_SET_PDEATHSIG = 1
 
@@ -69,7 +69,7 @@ def serve(job: Job, questions: BinaryIO, answers: BinaryIO) -> None:
     api.widened(model)
     second = None
     if job.second is not None:
-        second = Second(model, job.engine, job.second, job.differences, lambda told: _write(answers, DIFFERENCE, told))
+        second = Second(model, job.engine, job.second, job.differences, lambda told: _write(answers, OPINION, told))
     ends = 0.0
 
     def solve(problem: Problem) -> Verdict:
