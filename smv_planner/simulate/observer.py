@@ -88,7 +88,7 @@ class Observer(Watch):
         self._declared = {i.name: meaning(i.predicate, self.system.index) for i in station.model.invariants}
         self._reigns: dict[int, Reign] = {}
         self._epochs: dict[int, int] = {}
-        self._obeyed: dict[str, tuple[str, int]] = {}
+        self._obeyed: dict[str, tuple[str, tuple[int, int]]] = {}
         self._accepted: dict[int, CheckedPlan] = {}
         self._judged: dict[State, frozenset[str]] = {}
         self._true: dict[str, object] = {}
@@ -167,6 +167,8 @@ class Observer(Watch):
                     state = self.fired(process, reign, output, state, after, before)
                 case Note("measured"):
                     self.tick_off(reign, output.data.get("effects") or ())
+                    if output.data.get("explained") == "maintenance":  # the goals of what is moved by hand go with it
+                        reign.explained.update(*(self.system.transition[t].assigned for t in reign.instructed.values()))
                 case Note("assigned"):
                     state = self.changed(state, output.data["changes"])
                 case _:
@@ -429,10 +431,11 @@ class Observer(Watch):
         if self._true.get(name) == known:
             return
         self._true[name] = known
-        boot, epoch = self._obeyed.get(name, ("", 0))
-        if boot == hub.boot and hub.epoch < epoch:
-            self.complain("fence", f"'{name}' goes back from epoch {epoch} to {hub.epoch}")
-        self._obeyed[name] = hub.boot, hub.epoch
+        boot, last = self._obeyed.get(name, ("", (0, 0)))
+        number = (hub.epoch, hub.obeyed.seq) if hub.obeyed else (0, 0)
+        if boot == hub.boot and number < last:
+            self.complain("fence", f"'{name}' goes back from goal {last} to {number}")
+        self._obeyed[name] = hub.boot, number
         broken = self.truly_broken()
         if not broken or self._at < self.excused:
             self.counts["true states excused" if broken else "true states allowed"] += 1

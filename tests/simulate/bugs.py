@@ -25,16 +25,17 @@ class Edit:
 
 @dataclass(frozen=True)
 class Bug:
-    """`seed` of `scenario` is red with these edits, and green without."""
+    """`seed` of `scenario` breaks `rule` with these edits, and none without."""
 
     name: str
     scenario: str
     seed: int
+    rule: str
     edits: tuple[Edit, ...]
 
 
-def _one(name: str, scenario: str, seed: int, file: str, old: str, new: str) -> Bug:
-    return Bug(name, scenario, seed, (Edit(file, old, new),))
+def _one(name: str, scenario: str, seed: int, rule: str, file: str, old: str, new: str) -> Bug:
+    return Bug(name, scenario, seed, rule, (Edit(file, old, new),))
 
 
 STEP, HUB, VIEW = "runner/step.py", "protocol/hub.py", "protocol/view.py"
@@ -51,13 +52,22 @@ BUGS = (
         "            checked = CheckedPlan(problem, verdict, each, False)\n",
     ),
     _one("an overtaken state is believed", STATION, 0, VIEW, "if message.seq <= now.seq:", "if message.seq == now.seq:"),
-    _one(
+    Bug(
         "the clock of an effect is never reset",
         STATION,
         0,
-        "runner/monitor.py",
-        "    return {\n        name: timers.get(name, at)",
-        "    return dict(timers) | {\n        name: timers.get(name, at)",
+        (
+            Edit(
+                "runner/monitor.py",
+                "    return {\n        name: timers.get(name, at)",
+                "    return dict(timers) | {\n        name: timers.get(name, at)",
+            ),
+            Edit(
+                STEP,
+                "timers = {name: since for name, since in self.now.timers.items() if self.station.enabled[name](state)}",
+                "timers = self.now.timers",
+            ),
+        ),
     ),
     _one(
         "an answer to an old question is taken",

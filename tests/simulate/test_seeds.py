@@ -18,7 +18,7 @@ ENOUGH = ("TP w/ETO", "TP w/RTO", "OP w/DO", "TP w/MT", "lost", "back", "reboote
 """Recovery that many seeds together have to go through."""
 
 
-@pytest.mark.parametrize("first", range(0, 80, 20))
+@pytest.mark.parametrize("first", [0, 20])
 def test_nothing_forbidden_happens_at_the_assembly_station(first: int) -> None:
     edges: Counter[str] = Counter()
     for report in seeds.reports("assembly_station", range(first, first + 20)):
@@ -30,7 +30,7 @@ def test_nothing_forbidden_happens_at_the_assembly_station(first: int) -> None:
 
 @pytest.mark.parametrize("scenario", ["door", "nutrunner"])
 def test_nothing_forbidden_happens_elsewhere(scenario: str) -> None:
-    for report in seeds.reports(scenario, range(10)):
+    for report in seeds.reports(scenario, range(30)):
         assert report.failures == []
 
 
