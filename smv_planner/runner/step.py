@@ -181,9 +181,13 @@ class _Turn:
                 self.note("joining", f"epoch {epoch}: holding until all hubs obey", epoch=epoch)
         elif now.phase is Phase.JOINING:
             living = [view for name, view in now.hubs.items() if name not in now.lost]
-            known = all(name in now.heard for name in now.hubs)
-            if known and all(hubs.fenced(view, now.epoch, now.planner) for view in living):
-                self.set(phase=Phase.RUNNING, since=at)
+            unknown = [name for name in now.hubs if name not in now.heard]
+            if unknown and now.stuck is None and now.at - now.since > LISTEN:
+                waits = f"nothing is known of {', '.join(map(repr, unknown))}, which has never spoken: waiting for it"
+                self.set(stuck=waits)
+                self.note("alarm", waits, resources=tuple(unknown))
+            if not unknown and all(hubs.fenced(view, now.epoch, now.planner) for view in living):
+                self.set(phase=Phase.RUNNING, since=at, stuck=None)
                 self.note("running", f"epoch {now.epoch}: {len(living)} of {len(now.hubs)} hubs obey", epoch=now.epoch)
                 if now.executing:
                     self.need(Cause.RESUMED)

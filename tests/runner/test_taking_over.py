@@ -61,3 +61,15 @@ def test_a_resource_that_only_people_may_count_on_again_stays_lost_when_the_plan
     rig.answer_all()
     assert rig.now.phase is Phase.RUNNING
     assert "left" in rig.now.lost
+
+
+def test_a_hub_that_has_never_spoken_is_waited_for_and_named():
+    rig = Rig()
+    rig.wait(5.0, silent=("right",))
+    assert rig.now.phase is Phase.JOINING
+    assert rig.now.asked is None
+    assert [text for text in rig.notes("alarm") if "'right'" in text] == rig.notes("alarm")
+    assert len(rig.notes("alarm")) == 1
+    rig.wait(1.0)
+    assert rig.now.phase is Phase.RUNNING
+    assert rig.now.stuck is None
