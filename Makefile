@@ -8,6 +8,7 @@
 
 PYTHON = python3
 RUN = smv-plan scenarios/assembly_station
+DEMO = smv-planner demo scenarios/assembly_station --case e7
 
 BIN = .venv/bin
 BUILD_NUSMV = smv_planner/nusmv_build.py
@@ -23,7 +24,7 @@ run: .venv/stamp-project ## plan the example, with wheels alone: the variable RU
 	$(BIN)/$(RUN)
 
 demo: .venv/stamp-project ## run a whole station as processes: a robot dies, and the work goes on; ends within a minute
-	$(BIN)/smv-planner demo
+	$(BIN)/$(DEMO)
 
 nusmv: .venv/stamp-nusmv ## build pynusmv for --engine nusmv; needs compilers and minutes
 

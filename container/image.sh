@@ -104,7 +104,7 @@ try() {
 }
 
 try smv-plan scenarios/door --goal "door.pos == opened" --second-opinion
-try smv-planner demo
+try smv-planner demo scenarios/assembly_station --case e7
 
 # The station of compose.yaml: a robot dies, the planner is killed and stands up again where it stood, and is sent home.
 if [ "$ENGINE" = podman ]; then

@@ -181,9 +181,9 @@ def parser() -> argparse.ArgumentParser:
     demo.add_demo(
         commands.add_parser(
             "demo",
-            help="show a station in which a robot dies and the work goes on",
-            description="Start router, emulated hubs, planner and operator as processes on this machine, let a robot die while "
-            "it holds the tool, and say what happens until the work is done. It takes less than a minute.",
+            help="play an execution case on real processes",
+            description="Start router, emulated hubs, planner and operator as processes on this machine, let happen what an "
+            "execution case tells, and say what comes of it. It takes less than a minute.",
         )
     )
     return parser

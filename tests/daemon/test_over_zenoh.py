@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from daemon import played
 from daemon.played import playing
 from daemon.stations import ASSEMBLY, load, observed, routed
 
@@ -34,8 +35,8 @@ def differences(name: str, endpoint: str, folder: Path) -> list[str]:
     """What came otherwise than declared, and what the observer saw."""
     folder.mkdir()
     pace = DYING if any(each.dead for each in CASES[name].when) else PACE
-    with playing(endpoint, folder, CASES[name], pace) as played, observed(played.station) as findings:
-        different = played.run()
+    with playing(endpoint, folder, CASES[name], pace) as (here, staged), observed(here) as findings:
+        different = played.differences(here, staged)
         found = findings()
     if found["seen"].get("goal", 0) < ENOUGH:
         different.append(f"the observer saw only {found['seen']}")
