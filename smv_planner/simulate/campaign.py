@@ -378,7 +378,9 @@ class Campaign:
             return
         disk = old.disk
         assert isinstance(disk, MemoryDisk)
-        if beside:
+        if not beside:
+            old.alive = False  # a journal has one writer
+        else:
             disk = MemoryDisk({name: bytearray(data) for name, data in disk.files.items()})
         name = f"planner-{len(self.world.processes) + 1}"
         told = self.world.start_planner(name, disk)
