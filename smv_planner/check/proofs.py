@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from smv_planner.check import relaxed
+from smv_planner.check import pairs, relaxed
 from smv_planner.check.plan import Refused
 from smv_planner.check.projection import projected
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
 from smv_planner.model.semantics import Steps
-from smv_planner.problem import Exhausted, Inductive, Problem, Projected, Proof, Relaxed
+from smv_planner.problem import Exhausted, Inductive, Pairs, Problem, Projected, Proof, Relaxed
 
 
 def check_proof(problem: Problem, proof: Proof) -> Refused | None:
@@ -26,6 +26,8 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
             return _check_exhausted(problem, proof)
         case Relaxed():
             reason = relaxed.broken(problem, proof)
+        case Pairs():
+            reason = pairs.broken(problem, proof)
         case Inductive():
             from smv_planner.check.inductive import broken  # the only part of the kernel that needs a SAT solver
 

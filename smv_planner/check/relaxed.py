@@ -45,28 +45,34 @@ def broken(problem: Problem, proof: Relaxed) -> str | None:
     sets = {v.name: frozenset(values) for v, values in zip(system.variables, proof.values, strict=True)}
     if not all(value in sets[name] for name, value in system.named(problem.initial).items()):
         return "the proof leaves out the initial state"
-    allowed = [part for i in problem.allowed for part in once(system, "parts", i.predicate, _parts)]
+    allowed = [part for i in problem.allowed for part in once(system, "parts", i.predicate, parts)]
     for transition in problem.usable:
         enabled = once(system, "enabled", transition, lambda system, transition: list(conjuncts(ready(system, transition))))
-        before = once(system, "before", transition, _nothing_yet)
-        for number, chosen in enumerate(_choices(system, transition)):
+        for number, chosen in enumerate(choices(system, transition)):
             if _stays(system, enabled, chosen, sets):
                 continue
-            touched = [part for part, names in allowed if not names.isdisjoint(chosen)]
-            for old in touched:
-                if (number, id(old)) not in before:
-                    before[number, id(old)] = old, tuple(conjuncts(substitute(old, chosen)))
-            after = [part for old in touched for part in before[number, id(old)][1]]
-            if not _stays(system, [*enabled, *after], chosen, sets):
+            if not _stays(system, [*enabled, *kept(system, transition, number, chosen, allowed)], chosen, sets):
                 return f"the proof leaves out what follows on '{transition.name}'"
     if may_hold(problem.formula, sets, [part for part, _ in allowed]):
         return "the proof's sets do not rule out that the goals are met"
     return None
 
 
-def _parts(system: System, predicate: Expr) -> list[tuple[Expr, frozenset[str]]]:
+def parts(system: System, predicate: Expr) -> list[tuple[Expr, frozenset[str]]]:
     """What all has to hold for a predicate to hold, each part with the variables that it reads."""
     return [(part, variables_of(part)) for part in conjuncts(predicate)]
+
+
+def kept(
+    system: System, transition: Transition, number: int, chosen: Mapping[str, Expr], allowed: list[tuple[Expr, frozenset[str]]]
+) -> list[Expr]:
+    """What has to hold before a transition with a choice, for what is allowed to hold after it."""
+    before = once(system, "before", transition, _nothing_yet)
+    touched = [part for part, names in allowed if not names.isdisjoint(chosen)]
+    for old in touched:
+        if (number, id(old)) not in before:
+            before[number, id(old)] = old, tuple(conjuncts(substitute(old, chosen)))
+    return [part for old in touched for part in before[number, id(old)][1]]
 
 
 def _nothing_yet(system: System, transition: Transition) -> dict[tuple[int, int], tuple[Expr, tuple[Expr, ...]]]:
@@ -85,8 +91,8 @@ def _stays(system: System, enabled: list[Expr], chosen: Mapping[str, Expr], sets
 def out_of_reach(problem: Problem, proof: Relaxed) -> list[Expr]:
     """The goals, or parts of them, that the sets rule out by themselves: to be named in an explanation."""
     sets = {v.name: frozenset(values) for v, values in zip(problem.system.variables, proof.values, strict=True)}
-    parts = (part for goal in problem.goals for part in (*_written(goal.predicate), goal.predicate))
-    return [part for part in dict.fromkeys(parts) if narrow(conjuncts(part), sets) is None]
+    asked = (part for goal in problem.goals for part in (*_written(goal.predicate), goal.predicate))
+    return [part for part in dict.fromkeys(asked) if narrow(conjuncts(part), sets) is None]
 
 
 def _written(predicate: Expr) -> Iterator[Expr]:
@@ -97,7 +103,7 @@ def _written(predicate: Expr) -> Iterator[Expr]:
             yield predicate
 
 
-def _choices(system: System, transition: Transition) -> Iterator[dict[str, Expr]]:
+def choices(system: System, transition: Transition) -> Iterator[dict[str, Expr]]:
     """What the transition assigns, for every choice it leaves to the planner."""
     alternatives = [
         [Const(value) for value in system.domains[action.variable].values] if isinstance(action.value, Any) else [action.value]

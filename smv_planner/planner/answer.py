@@ -9,7 +9,7 @@ from typing import Literal
 from smv_planner.model.domains import Value
 
 VerdictName = Literal["reached", "not_within", "unreachable", "undecided", "invariant_violated"]
-ProofKind = Literal["exhausted", "relaxed", "inductive"]
+ProofKind = Literal["exhausted", "relaxed", "pairs", "inductive"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ from smv_planner.problem import (
     Exhausted,
     Inductive,
     NotWithin,
+    Pairs,
     Problem,
     Projected,
     Proof,
@@ -85,6 +86,8 @@ def why_never(problem: Problem, proof: Proof) -> str:
             return f"all {len(reached)} states that can follow were looked at, and none meets the goal"
         case Relaxed():
             return _never(problem, proof)
+        case Pairs(apart):
+            return f"whatever happens, {len(apart)} pairs of values never hold together, and every way to the goals needs some"
         case Inductive(clauses):
             return f"whatever happens, {len(clauses)} conditions that every step preserves keep the goal from being met"
 

@@ -22,6 +22,7 @@ from smv_planner.problem import (
     Goal,
     Inductive,
     NotWithin,
+    Pairs,
     Problem,
     Projected,
     Proof,
@@ -170,6 +171,8 @@ def proof_kind(proof: Proof) -> ProofKind:
             return "exhausted"
         case Relaxed():
             return "relaxed"
+        case Pairs():
+            return "pairs"
         case Inductive():
             return "inductive"
 

@@ -89,6 +89,17 @@ class Relaxed:
 
 
 @dataclass(frozen=True, slots=True)
+class Pairs:
+    """Facts, a variable with a value each, of which two never hold together; a fact that never holds is apart from itself.
+
+    Whatever can happen keeps them apart, each condition judged by what it leaves of facts that may hold together; and no
+    goal can be met where they are.
+    """
+
+    apart: tuple[tuple[tuple[str, Value], tuple[str, Value]], ...]
+
+
+@dataclass(frozen=True, slots=True)
 class Clause:
     """Some variable differs from the value given, or one of the formula's obligations (`ltl.Monitor`'s bits) is still owed."""
 
@@ -108,11 +119,11 @@ class Projected:
     """There is no plan even for the variables named alone, whatever the others do; `proof` is about these only."""
 
     variables: frozenset[str]
-    proof: Exhausted | Relaxed | Inductive
+    proof: Exhausted | Relaxed | Pairs | Inductive
 
 
-Proof = Exhausted | Relaxed | Inductive | Projected
-"""Why there is no plan of any length: an over-approximation of all that can happen, in one of three forms, or of a part."""
+Proof = Exhausted | Relaxed | Pairs | Inductive | Projected
+"""Why there is no plan of any length: an over-approximation of all that can happen, in one of four forms, or of a part."""
 
 
 @dataclass(frozen=True, slots=True)

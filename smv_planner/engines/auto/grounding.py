@@ -275,7 +275,10 @@ def alternatives(expr: Expr) -> tuple[Expr, ...]:
 
 
 class Packing:
-    """States as integers: each variable has just as many bits as it needs, and `width` counts them all."""
+    """States as integers: each variable has just as many bits as it needs, and `width` counts them all.
+
+    `facts` counts the values of all variables.
+    """
 
     def __init__(self, system: System) -> None:
         self.masks: dict[str, int] = {}
@@ -290,6 +293,7 @@ class Packing:
             self._values.append((self.width, (1 << bits) - 1, values))
             self.width += bits
         self._coded = tuple(self.codes.values())
+        self.facts = sum(map(len, self._coded))
         self.order = {name: at for at, name in enumerate(self.masks)}
         self.reader = {v.name: value for v, value in zip(system.variables, self._values, strict=True)}
 
