@@ -25,7 +25,10 @@ PLANTED = {
     ),
     "The emulated plant knows no planning": ("smv_planner/plant/serve.py", "import smv_planner.runner.events"),
     "The journal keeps bytes, whatever they say": ("smv_planner/journal/framing.py", "import smv_planner.model.domains"),
-    "The daemon plays no part, neither simulated nor emulated": ("smv_planner/daemon/loop.py", "import smv_planner.simulate.world"),
+    "The daemon plays no part, neither simulated nor emulated": (
+        "smv_planner/daemon/loop.py",
+        "import smv_planner.simulate.world",
+    ),
     "The bridge knows no planning": ("bridge/__init__.py", "import smv_planner.engines"),
 }
 
