@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.mutexes import FACTS, kept_apart
 from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Ended, Paused, Tables, explore
@@ -49,6 +50,12 @@ FOLDED = 20
 STATES_PER_PAIR = 4
 """How many states are looked at in the time in which relaxed reachability is set up for one action and one invariant."""
 
+GUIDED = 5_000
+"""How many states are looked at where estimates say how far away the goals are."""
+
+QUICK = 4_000
+"""Up to how many facts times actions pairwise mutexes take a few milliseconds. Else as many states are looked at first."""
+
 ALIKE = 6
 """From how many interchangeable things on it stands for many."""
 
@@ -66,10 +73,12 @@ EXTRA = 1.0
 
 BYTES_PER_CLAUSE = 200
 
+NEAR = "breadth-first search looked at every shorter plan, but for what is too far from the goal for one"
 SEARCHED = "breadth-first search looked at every shorter plan"
 ALL_SEEN = "breadth-first search looked at every state that can follow"
 FOLDING = "breadth-first search looked at every shorter plan, up to swaps of what is interchangeable"
 RELAXED = "relaxed reachability: out of reach even if no value were ever lost"
+APART = "pairwise mutexes: every way to meet the goals needs values that never hold together"
 PRESERVED = "property-directed reachability found conditions that every step preserves"
 """By which argument an answer was found, in words."""
 
@@ -194,10 +203,28 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
             return Unreachable(proof, RELAXED)
+    patience = 1 if fold is None else FOLDED
+    effort = len(ground.actions) * ground.packing.facts
+    if isinstance(found, Paused) and effort <= QUICK:
+        apart = _apart(found, problem, warm, ground, means.on_time, patience)
+        if apart:
+            return apart
+    least = found.depth if isinstance(found, Paused) else 0
     if _goes_on(found, problem, states):
+        guided = _guided(problem, warm, ground, tables, means.on_time)
+        if not isinstance(guided, int):
+            return guided
+        least = max(least, guided)
+    if _goes_on(found, problem, states) and least <= problem.bound:
+        found = _search(searching, problem, min(effort, states), means.on_time)
+    if isinstance(found, Ended) or effort > QUICK:
+        apart = _apart(found, problem, warm, ground, means.on_time, patience)
+        if apart:
+            return apart
+    if _goes_on(found, problem, states) and least <= problem.bound:
         found = _search(searching, problem, states, means.on_time)
     if isinstance(found, Ended):
-        short = _short_proof(found, ground, problem, means.on_time, patience=1 if fold is None else FOLDED)
+        short = _short_proof(found, ground, problem, means.on_time, patience)
         if short is None and fold is not None:
             found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means.on_time)
         if short is not None:
@@ -208,8 +235,40 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         case Reached():
             return replace(found, argument=SEARCHED if fold is None else FOLDING)
         case Paused(depth):
-            return depth
+            return max(depth, least)
     return found
+
+
+def _guided(problem: Problem, warm: Session, ground: Ground, tables: Tables, on_time: OnTime) -> Reached | Late | int:
+    """Search among states from which the goals may be near enough, if few are. A number says how many steps are needed."""
+    estimate = warm.guide(ground).estimate(problem)
+    if estimate is None:
+        return 0
+    limit, left = estimate(ground.packing.pack(problem.initial), -1), GUIDED
+    while limit <= problem.bound:
+        found: Reached | Ended | Paused = Paused(limit, 0)
+        for found in explore(tables, problem, within=(estimate, limit)):
+            match found:
+                case Reached():
+                    return replace(found, argument=NEAR)
+                case Paused(depth, number) if number > left:
+                    return limit
+                case Paused(depth, number) if not on_time(f"{number} states, {depth} steps deep"):
+                    return Late(limit)
+        assert isinstance(found, Paused)
+        limit, left = found.depth, left - found.number
+    return limit
+
+
+def _apart(
+    found: Reached | Ended | Paused | Late, problem: Problem, warm: Session, ground: Ground, on_time: OnTime, patience: int
+) -> Unreachable | None:
+    """A proof by pairs of facts, unless there are too many of them, or fewer states than are soon checked."""
+    few = isinstance(found, Ended) and found.number * patience <= MANY
+    if few or not isinstance(found, Ended | Paused) or ground.packing.facts > FACTS:
+        return None
+    proof = kept_apart(warm.mutexes(ground), ground, problem, lambda: on_time("looking at pairs of values"))
+    return Unreachable(proof, APART) if proof else None
 
 
 def _goes_on(found: Reached | Ended | Paused | Late, problem: Problem, states: int) -> bool:

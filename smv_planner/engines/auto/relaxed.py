@@ -8,7 +8,8 @@ that is out of reach even so has no plan (the h1 heuristic of classical planning
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import reduce
 from itertools import product
@@ -30,6 +31,8 @@ from smv_planner.model.expressions import (
     Plus,
     Var,
     conjuncts,
+    disjunction,
+    equality,
     meaning,
 )
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
@@ -103,6 +106,7 @@ class Abstraction:
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
         self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
         self._held: dict[int, tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
+        self.assigned = tuple(action.assigned for action in of.actions)
         self.actions = tuple(
             self._outcome(self.condition([*action.conditions, *keeps]), action.assigned)
             for action, keeps in zip(of.actions, of.keeps, strict=True)
@@ -250,6 +254,64 @@ class Abstraction:
             waiting = left
         return sets
 
+    def support(self, start: Iterable[Value], usable: int) -> Support:
+        """How `fixpoint` comes about: which actions are taken, in order, and which is the first to bring about each value."""
+        sets = sum(bits[value] for bits, value in zip(self._bits, start, strict=True))
+        begin, taken, first = sets, dict[int, None](), dict[Sets, int]()
+        before = 0
+        while sets != before:
+            before = sets
+            for at, action in enumerate(self.actions):
+                if usable >> at & 1 and (action.computed or at not in taken):
+                    narrowed = action.condition.narrowed(before)
+                    if narrowed is None:
+                        continue
+                    taken.setdefault(at)
+                    found = action.constant
+                    for variable, values in action.computed:
+                        found |= self._mask(variable, values(narrowed))
+                    fresh = found & ~sets
+                    sets |= found
+                    while fresh:
+                        first[fresh & -fresh] = at
+                        fresh &= fresh - 1
+        return Support(self, begin, tuple(sorted(taken)), first)
+
+    def forced(self, condition: Condition) -> Condition:
+        """The condition together with what it leaves of single variables where everything allowed holds too."""
+        narrow, before = condition.narrow, 0
+        masks = dict.fromkeys(condition.masks)
+        while narrow != before:
+            before = narrow
+            for mask in (*condition.masks, *self.allowed.masks):
+                left = mask & narrow
+                field = self._field[self.variable(left)] if left else 0
+                if left and not left & ~field and (field & narrow) & ~left:
+                    narrow &= ~field | left
+                    masks.setdefault(field)
+        return Condition(narrow, tuple(masks), condition.others)
+
+    def written(self, condition: Condition) -> Iterator[Expr]:
+        """What a condition leaves of single variables, as expressions."""
+        for variable, low, field in zip(self.system.variables, self._low, self._field, strict=True):
+            if field & ~condition.narrow:
+                values = variable.domain.values
+                yield disjunction(
+                    equality(Var(variable.name), Const(value))
+                    for at, value in enumerate(values)
+                    if condition.narrow >> low + at & 1
+                )
+
+    def variable(self, bit: Sets) -> int:
+        """Which variable a value belongs to."""
+        return bisect_right(self._low, bit.bit_length() - 1) - 1
+
+    def same(self, bit: Sets, name: str) -> Sets:
+        """The value of another variable that is worth the same; 0 if it has none."""
+        at = self.variable(bit)
+        value = self._domains[at][(bit >> self._low[at]).bit_length() - 1]
+        return self._bits[self.index[name]].get(value, 0)
+
     def _outcome(self, condition: Condition, assigned: Mapping[str, Expr]) -> Outcome:
         constant, computed = 0, []
         for name, value in assigned.items():
@@ -323,6 +385,42 @@ class Abstraction:
             return known[mask]
 
         return values
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """Which actions are taken when nothing is lost, and by which each value comes about first."""
+
+    abstraction: Abstraction
+    begin: Sets
+    taken: tuple[int, ...]
+    first: Mapping[Sets, int]
+
+    def changed(self, condition: Condition) -> frozenset[str] | None:
+        """The variables that a plan that loses nothing changes until a condition holds; None if it cannot."""
+        names = [variable.name for variable in self.abstraction.system.variables]
+        known = self.begin
+        changed: set[str] = set()
+        waiting = self._asked(condition)
+        while waiting:
+            mask = waiting.pop()
+            if mask & known:
+                continue
+            bit = next((bit for bit in self.first if bit & mask), 0)
+            if not bit:
+                return None
+            known |= bit
+            name = names[self.abstraction.variable(bit)]
+            changed.add(name)
+            at = self.first[bit]
+            waiting += self._asked(self.abstraction.actions[at].condition)
+            value = self.abstraction.assigned[at].get(name)
+            if isinstance(value, Var):
+                waiting.append(self.abstraction.same(bit, value.name))
+        return frozenset(changed)
+
+    def _asked(self, condition: Condition) -> list[Sets]:
+        return [mask & condition.narrow for mask in condition.masks]
 
 
 _BOTH: frozenset[Value] = frozenset([False, True])

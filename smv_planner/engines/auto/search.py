@@ -20,6 +20,12 @@ from smv_planner.problem import Exhausted, Problem, Reached
 SETTLED = "settled"
 """Stands for 'no automatic transition is enabled' in formulas over propositions; no user name looks like the others."""
 
+Estimate = Callable[[int, int], int]
+"""How many steps there are at least from a node, by what is owed there, to all the goals."""
+
+FAR = 1 << 30
+"""More steps than any plan has."""
+
 MEMO = 500_000
 """How many entries the memos of a warm session may hold before they start afresh."""
 
@@ -74,6 +80,7 @@ class Tables:
         self.views = views(of.shared, needs, self.full, of.shared.truth)
         self.moves = tuple(self._move(at) for at in range(self._count))
         self._ways: dict[int, dict[int, Way]] = {}
+        self._known: dict[tuple[int, bool, bool], Way] = {}
 
     def ways(self, usable: int) -> dict[int, Way]:
         """A memo for one set of usable actions: from the masks that the views leave to what can be done."""
@@ -84,9 +91,10 @@ class Tables:
         mask = self.full
         for view in self.views:
             mask &= view[node & view.part]
-        return bool(self._needed(mask) & self.allowed)
+        return bool(self.needed(mask) & self.allowed)
 
-    def _needed(self, mask: int) -> int:
+    def needed(self, mask: int) -> int:
+        """The mask without what needs a condition of which no alternative holds."""
         for bit, needing in self._unless:
             if mask & bit:
                 mask &= ~needing
@@ -94,21 +102,27 @@ class Tables:
 
     def way(self, mask: int, usable: int) -> Way:
         """What can be done where the views leave `mask`. Whether a state is allowed is judged when it is looked at."""
-        mask = self._needed(mask)
+        mask = self.needed(mask)
         enabled = mask & usable
         first = enabled & self.ground.automatic
         if first:
             enabled = first & -first
+        key = enabled, bool(mask & self.allowed), not first
+        if key not in self._known:
+            self._known[key] = self._way(*key)
+        return self._known[key]
+
+    def _way(self, enabled: int, allowed: bool, settled: bool) -> Way:
         chosen = []
         while enabled:
             chosen.append(self.moves[(enabled & -enabled).bit_length() - 1])
             enabled &= enabled - 1
         return Way(
-            allowed=bool(mask & self.allowed),
-            settled=not first,
-            fixed=tuple((move.keep, move.put) for move in chosen if move.computed is None),
-            computed=tuple((move.keep, move.computed) for move in chosen if move.computed is not None),
-            actions=tuple(move.action for move in chosen),
+            allowed=allowed,
+            settled=settled,
+            fixed=tuple([(move.keep, move.put) for move in chosen if move.computed is None]),
+            computed=tuple([(move.keep, move.computed) for move in chosen if move.computed is not None]),
+            actions=tuple([move.action for move in chosen]),
         )
 
     def trim(self) -> None:
@@ -117,6 +131,7 @@ class Tables:
             for view in self.views:
                 view.forget()
             self._ways.clear()
+            self._known.clear()
             self.moves = tuple(self._move(at) for at in range(self._count))
 
     def _move(self, at: int) -> Move:
@@ -209,11 +224,21 @@ class Watch:
         return self._numbers[owed]
 
 
-def explore(tables: Tables, problem: Problem, fold: Fold | None = None, chunk: int = 2048) -> Iterator[Reached | Ended | Paused]:
+def explore(
+    tables: Tables,
+    problem: Problem,
+    fold: Fold | None = None,
+    chunk: int = 2048,
+    within: tuple[Estimate, int] | None = None,
+) -> Iterator[Reached | Ended | Paused]:
     """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
 
     The first hit is a shortest plan. The initial state has to be allowed. With `fold`, one of all nodes that fold into
     the same is looked at; what has `Ended` then has no proof.
+
+    `within` leaves out nodes that, as is estimated, are on no plan of so many steps; the last pause then says how many
+    steps there have to be instead. What is estimated may drop by one with each step, so a plan that is found is the one
+    found without: the first to lead to any node that is not left out is not left out either.
     """
     packing, width = tables.packing, tables.packing.width
     watch = Watch(tables.ground, problem)
@@ -232,6 +257,8 @@ def explore(tables: Tables, problem: Problem, fold: Fold | None = None, chunk: i
     forbidden: set[int] = set()
     frontier = [start]
     depth = 0
+    estimate, limit = within or (None, 0)
+    obligations, beyond = watch.obligations, FAR
     while frontier and depth <= problem.bound:
         yield Paused(depth, len(parent))
         following: list[int] = []
@@ -264,6 +291,11 @@ def explore(tables: Tables, problem: Problem, fold: Fold | None = None, chunk: i
                         part = new & folded
                         new ^= part ^ fold[part]
                     if new not in parent:
+                        if estimate is not None:
+                            steps = depth + 1 + estimate(new, obligations[new >> width])
+                            if steps > limit:
+                                beyond = min(beyond, steps)
+                                continue
                         parent[new] = node
                         following.append(new)
                 for keep, computed in way.computed:
@@ -272,12 +304,17 @@ def explore(tables: Tables, problem: Problem, fold: Fold | None = None, chunk: i
                         part = new & folded
                         new ^= part ^ fold[part]
                     if new not in parent:
+                        if estimate is not None:
+                            steps = depth + 1 + estimate(new, obligations[new >> width])
+                            if steps > limit:
+                                beyond = min(beyond, steps)
+                                continue
                         parent[new] = node
                         following.append(new)
         frontier = following
         depth += 1
-    if frontier:
-        yield Paused(depth, len(parent))
+    if frontier or estimate is not None:
+        yield Paused(min(depth, beyond) if frontier else beyond, len(parent))
         return
     low = (1 << width) - 1
     looked_at = parent.keys() - forbidden

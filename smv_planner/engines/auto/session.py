@@ -10,6 +10,8 @@ from weakref import WeakKeyDictionary
 
 from smv_planner.engines.auto.bounded import Unrolled
 from smv_planner.engines.auto.grounding import Ground, Shared, ground
+from smv_planner.engines.auto.guide import Guide
+from smv_planner.engines.auto.mutexes import Mutexes
 from smv_planner.engines.auto.parts import Part, Parts
 from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Tables
@@ -36,6 +38,8 @@ class Session:
         self._system = system
         self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
         self._abstractions: dict[Ground, Abstraction] = {}
+        self._guides: dict[Ground, Guide] = {}
+        self._mutexes: dict[Ground, Mutexes] = {}
         self._parts: dict[Ground, Parts] = {}
         self._symmetries: dict[Ground, Symmetries] = {}
         self._sessions: WeakKeyDictionary[Part, Session] = WeakKeyDictionary()
@@ -53,6 +57,8 @@ class Session:
         if len(self._variants) > VARIANTS:
             _, dropped, _ = self._variants.pop(next(iter(self._variants)))
             self._abstractions.pop(dropped, None)
+            self._guides.pop(dropped, None)
+            self._mutexes.pop(dropped, None)
             self._parts.pop(dropped, None)
             self._symmetries.pop(dropped, None)
         _, of, tables = found
@@ -69,6 +75,16 @@ class Session:
             self._abstractions[of] = Abstraction(of)
         self._abstractions[of].trim()
         return self._abstractions[of]
+
+    def guide(self, of: Ground) -> Guide:
+        if of not in self._guides:
+            self._guides[of] = Guide(of, self.abstraction(of))
+        return self._guides[of]
+
+    def mutexes(self, of: Ground) -> Mutexes:
+        if of not in self._mutexes:
+            self._mutexes[of] = Mutexes(of)
+        return self._mutexes[of]
 
     def parts(self, of: Ground) -> Parts:
         if of not in self._parts:
@@ -90,7 +106,7 @@ class Session:
         """The layers for the SAT solver; made when they are first needed, and anew when they have grown too much."""
         self._asked += 1
         if self._unrolled is not None:
-            too_many = self._unrolled.clauses.solver.nof_clauses() > CLAUSES
+            too_many = not self._unrolled.whole or self._unrolled.clauses.solver.nof_clauses() > CLAUSES
             if too_many or self._asked % QUESTIONS == 0:
                 self._unrolled.clauses.close()
                 self._unrolled = None

@@ -1,0 +1,50 @@
+"""Distances in small parts of a system: never too far, and no other plan is found with them than without."""
+
+from collections.abc import Iterator
+
+import pytest
+from generated import question
+
+from smv_planner.engines.auto.guide import Estimate
+from smv_planner.engines.auto.search import Paused, Tables, explore
+from smv_planner.engines.auto.session import session_of
+from smv_planner.model.ltl import ALWAYS_TRUE
+from smv_planner.problem import Problem, Reached
+
+
+def guided(seeds: range) -> Iterator[tuple[Problem, Tables, Estimate, Reached]]:
+    """Questions that have a plan and goals of which something is known, with the plan found by search alone."""
+    for seed in seeds:
+        problem = question(seed)
+        session = session_of(problem.system)
+        ground, tables = session.variant(problem.allowed)
+        estimate = session.guide(ground).estimate(problem)
+        if estimate is not None and tables.allows(ground.packing.pack(problem.initial)):
+            for found in explore(tables, problem):
+                if isinstance(found, Reached) and found.path:
+                    yield problem, tables, estimate, found
+
+
+@pytest.mark.parametrize("seeds", [range(at, at + 60) for at in range(0, 120, 60)], ids=str)
+def test_no_distance_is_estimated_to_be_more_than_a_plan_takes(seeds: range) -> None:
+    far = 0
+    for problem, tables, estimate, plan in guided(seeds):
+        plain = [goal.until for goal in problem.goals] == [ALWAYS_TRUE]  # else a goal may be met on the way and lost again
+        for at, state in enumerate(plan.states if plain else plan.states[:1]):
+            steps = estimate(tables.packing.pack(state), -1)
+            assert steps <= len(plan.path) - at
+            far += steps > 1
+    assert far > 20
+
+
+@pytest.mark.parametrize("seeds", [range(at, at + 60) for at in range(0, 120, 60)], ids=str)
+def test_the_plan_is_the_one_found_without_leaving_out_what_is_too_far(seeds: range) -> None:
+    fewer = 0
+    for problem, tables, estimate, plan in guided(seeds):
+        *_, found = explore(tables, problem, within=(estimate, len(plan.path)))
+        assert found == plan
+        *paused, beyond = explore(tables, problem, within=(estimate, len(plan.path) - 1))
+        assert isinstance(beyond, Paused)
+        assert beyond.depth == len(plan.path)
+        fewer += bool(paused)
+    assert fewer > 10
