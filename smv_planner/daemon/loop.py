@@ -108,7 +108,7 @@ class Daemon:
         self._waiting: deque[Waiting] = deque()
         self._unwritten: list[Began | Answered] = []
         self._events = 0
-        self._recent: deque[bytes] = deque(maxlen=RECENT)
+        self._recent: deque[tuple[int, bytes]] = deque(maxlen=RECENT)
         cell = station.cell
         self._mailbox = link.latest(keys.state(cell), wake=alarm.set)
         for key, document in self._told().items():
@@ -147,13 +147,13 @@ class Daemon:
     def recent(self, payload: bytes) -> bytes:
         """The events after a number, oldest first, as many as fit: what is published may be lost on its way."""
         after = orders.after(payload, self.situation.planner)
-        found = [each for number, each in enumerate(list(self._recent), self._events - len(self._recent) + 1) if number > after]
         size, fitting = 0, list[bytes]()
-        for each in found:
-            size += len(each) + 1
-            if size > MAX_BYTES // 2:
-                break
-            fitting.append(each)
+        for number, each in list(self._recent):
+            if number > after:
+                size += len(each) + 1
+                if size > MAX_BYTES // 2:
+                    break
+                fitting.append(each)
         return b"[" + b",".join(fitting) + b"]"
 
     def health(self) -> dict[str, Any]:
@@ -270,7 +270,10 @@ class Daemon:
         trouble = self.chronicle.trouble
         if not self.chronicle.write(self.situation, now, events, outputs):
             self._unwritten = [event for event in events if isinstance(event, Began | Answered)]
-            self.hold(new=trouble != self.chronicle.trouble)
+            if self.chronicle.trouble != trouble:
+                self.note(Note("alarm", f"the planner holds: {self.chronicle.trouble}"))
+            if any(isinstance(event, Tick) for event in events):
+                self.hold()
             return False
         if trouble:
             log.warning("the journal can be written again")
@@ -279,10 +282,8 @@ class Daemon:
             self.perform(output)
         return True
 
-    def hold(self, new: bool) -> None:
+    def hold(self) -> None:
         """Say again what was commanded last; nothing new may be."""
-        if new:
-            self.perform(Note("alarm", f"the planner holds: {self.chronicle.trouble}"))
         for key, payload in self._published.items():
             self.publish(key, payload)
 
@@ -309,7 +310,7 @@ class Daemon:
         level = logging.WARNING if note.kind in ("alarm", "lost", "timeout", "gate") else logging.INFO
         log.log(level, "%s", note.text, extra={"event": note.kind, "at": round(self.situation.at, 3)})
         document = documents.encoded(documents.event(self.station, self.situation, note, self._events))
-        self._recent.append(document)
+        self._recent.append((self._events, document))
         self.publish(keys.event(self.station.cell), document)
 
     def tell(self, clock: float) -> None:
