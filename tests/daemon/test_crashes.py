@@ -6,9 +6,12 @@ import os
 import random
 import resource
 import signal
+import subprocess
+import sys
 import time
 import uuid
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +19,7 @@ import pytest
 from daemon.stations import ASSEMBLY, PATIENCE, Running, Station, load, observed, routed, station, until
 
 from bridge import keys
+from bridge.router import free_endpoint
 from smv_planner.cli.ask import UNHEALTHY
 from smv_planner.simulate.script import cases
 
@@ -145,6 +149,30 @@ def test_one_that_stood_still_does_not_believe_what_is_old(here: Station) -> Non
     until(lambda: "stood still" in planner.text, "it notices")
     until(lambda: finished(here), "the bolts are tightened")
     assert "lost" not in {event["event"] for event in here.heard()}
+
+
+@pytest.mark.long
+def test_the_router_may_be_killed(tmp_path: Path) -> None:
+    endpoint = free_endpoint()
+    command = [sys.executable, "-m", "smv_planner", "router", "--listen", endpoint]
+    with ExitStack() as stack:
+
+        def router() -> subprocess.Popen[bytes]:
+            child = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+            stack.callback(child.wait)
+            stack.callback(child.kill)
+            return child
+
+        first = router()
+        with station(endpoint, tmp_path, "router", given=GIVEN["e9"]) as here:
+            here.hubs(pace=20)
+            here.planner()
+            here.phase("running")
+            first.kill()
+            first.wait()
+            time.sleep(1.0)  # hubs hear nothing, and are not heard
+            router()
+            until(lambda: finished(here), "the bolts are tightened")
 
 
 def test_with_a_full_disk_it_holds_says_so_and_goes_on_afterwards(here: Station) -> None:
