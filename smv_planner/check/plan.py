@@ -6,8 +6,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from smv_planner.check.order import Order, certified, is_order, reduced, total_order
+from smv_planner.check.slides import may_slide
 from smv_planner.model.ltl import holds
-from smv_planner.model.semantics import Steps, judge, slide
+from smv_planner.model.semantics import Steps, judge
 from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
@@ -57,10 +58,9 @@ def _broken_replay(problem: Problem, trace: Reached) -> str | None:
     steps = Steps(problem.system, problem.usable)
     for at, name in enumerate(trace.path):
         before, after = trace.states[at], trace.states[at + 1]
-        possible = [(transition.name, state) for transition, state in steps(before)]
-        if (name, after) not in possible:
-            known = any(name == other for other, _ in possible)
-            return f"step {at}: '{name}' " + ("does not lead to the state given" if known else "is not possible there")
+        possible = list(steps.by(before, name))
+        if after not in possible:
+            return f"step {at}: '{name}' " + ("does not lead to the state given" if possible else "is not possible there")
     if not steps.settled(trace.states[-1]):
         return "the last state is not settled"
     return None
@@ -76,10 +76,10 @@ def _forbidden(problem: Problem, states: Iterable[State]) -> str | None:
     names = {invariant.name for invariant in problem.allowed}
     held = [i.predicate for i in problem.system.invariants if i.name in names]
     try:
-        way = slide(problem.system, visited, held)
+        slides = may_slide(problem.system, visited, held)
     except OverflowError:
         return None  # too many to look at: the widened invariants above have to do
-    return None if way is None else "the system may slide from a state into violating an invariant"
+    return "the system may slide from a state into violating an invariant" if slides else None
 
 
 def _unmet(problem: Problem, trace: Reached) -> str | None:

@@ -106,6 +106,15 @@ class Steps:
             seen.add(now)
         return now
 
+    def by(self, state: State, name: str) -> Iterator[State]:
+        """Where a transition may lead from a state; nowhere if it cannot come next."""
+        due = self.automatic(state)
+        if due:
+            if due[0].name == name:
+                yield due[1]
+        elif name in self._outcomes:
+            yield from self._outcomes[name](state)
+
     def again(self, state: State, transition: Transition, once: State) -> State | None:
         """The state that a transition leads to with the choices by which it led to `once`; None if it cannot come next."""
         due = self.automatic(state)
@@ -129,17 +138,23 @@ class Steps:
                     yield transition, after
 
 
-def slide(system: System, starts: Iterable[State], invariants: Iterable[Expr], budget: int = 100_000) -> list[Step] | None:
+def slide(
+    system: System,
+    starts: Iterable[State],
+    invariants: Iterable[Expr],
+    budget: int = 100_000,
+    among: Iterable[Transition] | None = None,
+) -> list[Step] | None:
     """The shortest way in which automatic and effect transitions, in any order, lead to breaking an invariant.
 
     The empty list if one of the starts breaks an invariant already, None if there is no way (Machines 2021, section
     3). Effects and automatic transitions interleave freely here, and none counts as disabled: the late sensor may
-    still come.
+    still come. With `among`, only these transitions are looked at.
 
     Raises OverflowError after looking at `budget` states.
     """
     holds = [judge(system, invariant) for invariant in invariants]
-    moves = [(t, _compiled(system, t)) for t in system.transitions if t.kind.uncontrollable]
+    moves = [(t, _compiled(system, t)) for t in (system.transitions if among is None else among) if t.kind.uncontrollable]
     came_from: dict[State, Step | None] = dict.fromkeys(starts)
     waiting = deque(came_from)
     while waiting:
