@@ -43,8 +43,8 @@ SCENARIO = "scenario"
 
 EXAMPLES = """\
 examples:
-  smv-planner simulate scenarios/assembly_station --case e5
-  smv-planner simulate scenarios/assembly_station --set bolt_1=placed --speed 10
+  smv-planner simulate scenarios/door --case played_jam
+  smv-planner simulate scenarios/door --set door.wear=2 --speed 10
   smv-planner simulate scenarios/door --faults --seed 7
 
 exit codes:
