@@ -44,7 +44,7 @@ SCENARIO = "scenario"
 EXAMPLES = """\
 examples:
   smv-planner simulate scenarios/door --case played_jam
-  smv-planner simulate scenarios/door --set door.wear=2 --speed 10
+  smv-planner simulate scenarios/door --set door.locked=false --speed 10
   smv-planner simulate scenarios/door --faults --seed 7
 
 exit codes:
