@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 
 import pytest
+from bench import instances
 from generated import BOUND, Maker, question
 
 import smv_planner as sp
@@ -20,7 +21,7 @@ from smv_planner.engines.auto.session import session_of
 from smv_planner.model.domains import Bool, Enum, Range, Value
 from smv_planner.model.expressions import TRUE, Const, Expr, Var, conjunction, equality, meaning, negation
 from smv_planner.model.semantics import Steps
-from smv_planner.model.system import Assignment, Invariant, Kind, System, Transition, Variable, VariableKind
+from smv_planner.model.system import Assignment, Kind, System, Transition, Variable, VariableKind
 from smv_planner.problem import (
     Clause,
     Exhausted,
@@ -243,10 +244,8 @@ def test_an_answer_says_in_words_why_there_is_no_plan(scenario: str, goal: str, 
 
 
 def test_many_states_are_proved_by_few_clauses() -> None:
-    """Three processes share a token, and eight switches multiply the states; an invariant reads them all."""
-    problem = token_ring(switches=8)
-    never = conjunction([equality(Var("p0"), Const("works")), *(Var(f"s{at}") for at in range(8))])
-    problem = replace(problem, allowed=(Invariant("never", negation(never)),))
+    """Two tokens for three workers: any two may be at work, so no pair of facts excludes the third, and switches multiply."""
+    problem = instances.mutex(9, entangled=True).problem
     verdict = auto.ask(problem, LIMITS)
     assert isinstance(verdict, Unreachable)
     assert isinstance(verdict.proof, Inductive)

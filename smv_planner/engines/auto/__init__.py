@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from smv_planner.engines.auto.clock import Over, watched
 from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.engines.auto.mutexes import FACTS, kept_apart
@@ -39,7 +40,7 @@ FEW = 2_000
 """How many states are looked at before relaxed reachability is tried: most plans are found sooner than it is set up."""
 
 SOME = 50
-"""The same where relaxed reachability is set up already."""
+"""The same where earlier questions have taken more."""
 
 BUDGET = 75_000
 """How many states the search looks at before others get their turn."""
@@ -108,7 +109,11 @@ def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Callable
         return time.monotonic() <= ends
 
     means = Means(min(budget, limits.memory // BYTES_PER_NODE), limits.memory, on_time, search)
-    verdict = answer(problem, session_of(problem.system), means)
+    try:
+        with watched(lambda: time.monotonic() <= ends):
+            verdict = answer(problem, session_of(problem.system), means)
+    except Over:
+        return Undecided("deadline reached while a way to an answer was being prepared", deadline=True)
     if isinstance(verdict, Late):
         return Undecided(f"{verdict.limit} reached, no plan of fewer than {verdict.depth} steps", deadline=verdict.deadline)
     return verdict
@@ -179,34 +184,29 @@ def _of_the_whole(part: Part, proof: Proof) -> Projected:
 
 
 def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, means: Means) -> Found | int:
-    """Search states; when they are not few, try relaxed reachability, and leave out what does not matter.
+    """Search states; when they are not few, try relaxed reachability, and leave out what does not matter or is too far.
 
-    A number says how many steps are at least needed.
+    A number says how many steps are at least needed. Whether earlier questions were hard decides what is tried first, and
+    not which plan is found.
     """
-    abstracted = warm.abstracted(ground)
+    hard, states = warm.hard(ground), means.states
     searching, fold = explore(tables, problem), None
-    found = _search(searching, problem, min(SOME if abstracted else FEW, means.states), means.on_time)
+    found = _search(searching, problem, min(SOME if hard else FEW, states), means.on_time)
     if isinstance(found, Paused | Ended):
+        warm.was_hard(ground)
         part = warm.parts(ground).needed(problem)
         if part:
             return by_parts(problem, warm, [part], means)
-    states = means.states
-    if _goes_on(found, problem, states):
-        fold = warm.symmetries(ground).fold(problem)
-    if fold is not None:
-        searching = explore(tables, problem, fold)
-        states = min(states * (FOLDED if fold.alike >= ALIKE else 1), means.memory // BYTES_PER_NODE)
-    if not abstracted and _goes_on(found, problem, states):
-        patience = max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR)
-        found = _search(searching, problem, min(patience, states), means.on_time)
+    patience = min(max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR), states)
+    if not hard and _goes_on(found, problem, patience):
+        found = _search(searching, problem, patience, means.on_time)
     if isinstance(found, Paused | Ended):
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
             return Unreachable(proof, RELAXED)
-    patience = 1 if fold is None else FOLDED
     effort = len(ground.actions) * ground.packing.facts
     if isinstance(found, Paused) and effort <= QUICK:
-        apart = _apart(found, problem, warm, ground, means.on_time, patience)
+        apart = _apart(found, problem, warm, ground, means.on_time, 1)
         if apart:
             return apart
     least = found.depth if isinstance(found, Paused) else 0
@@ -215,16 +215,24 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         if not isinstance(guided, int):
             return guided
         least = max(least, guided)
+    if _goes_on(found, problem, patience) and least <= problem.bound:
+        found = _search(searching, problem, patience, means.on_time)
+    if _goes_on(found, problem, states) and least <= problem.bound:
+        fold = warm.symmetries(ground).fold(problem)
+    if fold is not None:
+        searching = explore(tables, problem, fold)
+        states = min(states * (FOLDED if fold.alike >= ALIKE else 1), means.memory // BYTES_PER_NODE)
+    alike = 1 if fold is None else FOLDED
     if _goes_on(found, problem, states) and least <= problem.bound:
         found = _search(searching, problem, min(effort, states), means.on_time)
     if isinstance(found, Ended) or effort > QUICK:
-        apart = _apart(found, problem, warm, ground, means.on_time, patience)
+        apart = _apart(found, problem, warm, ground, means.on_time, alike)
         if apart:
             return apart
     if _goes_on(found, problem, states) and least <= problem.bound:
         found = _search(searching, problem, states, means.on_time)
     if isinstance(found, Ended):
-        short = _short_proof(found, ground, problem, means.on_time, patience)
+        short = _short_proof(found, ground, problem, means.on_time, alike)
         if short is None and fold is not None:
             found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means.on_time)
         if short is not None:
@@ -315,18 +323,21 @@ def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, mean
     hopeful = True  # that there may be a proof
     while depth <= problem.bound or (hopeful and spent_proving < 2 * spent_searching + EXTRA):
         began = time.monotonic()
-        if hopeful and (depth > problem.bound or spent_proving < spent_searching):
-            proof = next(proving, None)
-            spent_proving += time.monotonic() - began
-            if isinstance(proof, Inductive):
-                return Unreachable(proof, PRESERVED)
-            hopeful = proof is not None
-        else:
-            found = next(searching)
-            spent_searching += time.monotonic() - began
-            if isinstance(found, Reached):
-                return replace(found, argument=f"{by} ruled out every shorter plan")
-            depth = found
+        try:
+            if hopeful and (depth > problem.bound or spent_proving < spent_searching):
+                proof = next(proving, None)
+                spent_proving += time.monotonic() - began
+                if isinstance(proof, Inductive):
+                    return Unreachable(proof, PRESERVED)
+                hopeful = proof is not None
+            else:
+                found = next(searching)
+                spent_searching += time.monotonic() - began
+                if isinstance(found, Reached):
+                    return replace(found, argument=f"{by} ruled out every shorter plan")
+                depth = found
+        except Over:
+            return Late(depth) if depth <= problem.bound else not_within
         in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= means.memory
         if not means.on_time(f"no plan of fewer than {depth} steps") or not in_memory:
             return Late(depth, deadline=in_memory) if depth <= problem.bound else not_within

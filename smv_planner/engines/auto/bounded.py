@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
+from smv_planner.engines.auto.clock import Over, look
 from smv_planner.engines.auto.grounding import Action, Ground, alternatives
 from smv_planner.engines.sat import Clauses, Coding, Literals
 from smv_planner.model.domains import Value
@@ -40,6 +41,7 @@ class Layer:
         self.first: dict[int, int] = {}  # that no automatic action declared before is enabled
         none = clauses.true
         for at, action in enumerate(actions):
+            look()
             if action.transition.kind.automatic:
                 self.first[at] = none
                 self.enabled[at] = clauses.every([usable[at], *map(self.coding.literal, action.conditions)])
@@ -62,12 +64,21 @@ class Unrolled:
         self._orders: dict[tuple[Ground, frozenset[str] | None], tuple[int, list[tuple[int, int]]]] = {}
         self._truths: dict[tuple[Formula, int], int] = {}
         self._waiting: list[tuple[Formula, int, int]] = []  # what later layers have to say about formulas
+        self.whole = True
+        """Whether nothing was left half done."""
 
     def run(self, problem: Problem, of: Ground, depth: int) -> Iterator[Reached | int]:
         """Look for a shortest plan of `depth` or more steps, bit by bit; yields proven lower bounds until there is one.
 
         Ends after the problem's bound.
         """
+        try:
+            yield from self._run(problem, of, depth)
+        except Over:
+            self.whole = False
+            raise
+
+    def _run(self, problem: Problem, of: Ground, depth: int) -> Iterator[Reached | int]:
         usable = [
             literal if action.transition.name not in problem.unusable else -literal
             for action, literal in zip(self._actions, self.usable, strict=True)
@@ -121,6 +132,7 @@ class Unrolled:
     def _constrain(self, layer: Layer, predicate: Expr) -> None:
         held = self._held[predicate]
         for part in conjuncts(predicate):
+            look()
             self.clauses.add(-held, *map(layer.coding.literal, alternatives(part)))
 
     def _grow(self) -> None:
@@ -207,19 +219,23 @@ def swappable(of: Ground, seen: frozenset[str] | None) -> list[tuple[int, int]]:
     woken = {name for a in of.actions if a.transition.kind.automatic for part in a.conditions for name in of.reads(part)}
     footprints = []
     for at, action in enumerate(of.actions):
+        look()
         if not action.transition.kind.automatic and woken.isdisjoint(action.assigned):
             used = frozenset().union(*map(of.reads, (*action.conditions, *action.assigned.values())), action.assigned)
             touched = frozenset(n for n, clause in enumerate(of.clauses) if not of.reads(clause).isdisjoint(action.assigned))
             footprints.append((at, action.assigned.keys(), used, touched, not seen.isdisjoint(action.assigned)))
-    return [
-        (one, other)
-        for n, (one, writes, used, touched, followed) in enumerate(footprints)
-        for other, also_writes, also_used, also_touched, also_followed in footprints[n + 1 :]
-        if used.isdisjoint(also_writes)
-        and also_used.isdisjoint(writes)
-        and touched.isdisjoint(also_touched)
-        and not (followed and also_followed)
-    ]
+    pairs = []
+    for n, (one, writes, used, touched, followed) in enumerate(footprints):
+        look()
+        pairs += [
+            (one, other)
+            for other, also_writes, also_used, also_touched, also_followed in footprints[n + 1 :]
+            if used.isdisjoint(also_writes)
+            and also_used.isdisjoint(writes)
+            and touched.isdisjoint(also_touched)
+            and not (followed and also_followed)
+        ]
+    return pairs
 
 
 def value_in(literals: Literals, true: frozenset[int]) -> Value:
@@ -232,6 +248,7 @@ def step(clauses: Clauses, actions: tuple[Action, ...], usable: list[int], befor
     clauses.exactly_one([*before.steps, before.idle])
     writers: dict[str, list[int]] = {}
     for at, (action, literal) in enumerate(zip(actions, before.steps, strict=True)):
+        look()
         if action.transition.kind.automatic:
             clauses.add(-literal, before.enabled[at])
             clauses.add(-literal, before.first[at])

@@ -12,7 +12,8 @@ from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 from itertools import count
 
-from smv_planner.engines.auto.bounded import Layer, question, step, value_in
+from smv_planner.engines.auto.bounded import CONFLICTS, Layer, question, step, value_in
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground, alternatives
 from smv_planner.engines.sat import Clauses, Coding
 from smv_planner.model.domains import Value
@@ -117,6 +118,7 @@ class Frames:
         for layer in (self._before, self._after):
             for invariant in self._problem.allowed:
                 for part in conjuncts(invariant.predicate):
+                    look()
                     clauses.add(*map(layer.coding.literal, alternatives(part)))
         self._owed = {number: clauses.new() for number in self._owable}
         self._left = {number: clauses.new() for number in self._owable}
@@ -158,10 +160,19 @@ class Frames:
 
     def _goal(self, level: int) -> Cube | None:
         """Some states of a frame that meet the goals by idling."""
-        if not self._clauses.solver.solve(assumptions=[*self._levels[level:], self._before.idle]):
+        if not self._solve([*self._levels[level:], self._before.idle]):
             return None
         state, owed, _ = self._model()
         return self._lifting.idling(state, owed)
+
+    def _solve(self, assumptions: list[int]) -> bool:
+        solver = self._clauses.solver
+        while True:
+            look()
+            solver.conf_budget(CONFLICTS)
+            answer: bool | None = solver.solve_limited(assumptions=assumptions)
+            if answer is not None:
+                return answer
 
     def _block(self, cube: Cube, top: int) -> Iterator[bool]:
         """Show that a cube is out of reach within `top` steps, one cube after the other; False if it is not."""
@@ -191,7 +202,7 @@ class Frames:
         self._clauses.add(-elsewhere, *(-self._literal(fact, now=True) for fact in cube))
         literals = {self._literal(fact, now=False): fact for fact in cube}
         assumptions = [elsewhere, *self._levels[level - 1 :], -self._before.idle, *literals]
-        if solver.solve(assumptions=assumptions):
+        if self._solve(assumptions):
             state, owed, action = self._model()
             self._clauses.add(-elsewhere)
             return self._lifting.step(state, owed, action, cube)

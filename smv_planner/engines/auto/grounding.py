@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
+from smv_planner.engines.auto.clock import look
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     FALSE,
@@ -97,6 +98,7 @@ class Shared:
 
     def _actions_of(self, system: System, transition: Transition) -> tuple[Action, ...]:
         if id(transition) not in self._actions:
+            look()
             self._actions[id(transition)] = transition, tuple(_actions(system, transition))
         return self._actions[id(transition)][1]
 
@@ -104,6 +106,7 @@ class Shared:
         """An invariant taken apart. Invariants that grow from one another have parts in common."""
         for part in predicate.parts if isinstance(predicate, And) else [predicate]:
             if id(part) not in self._clauses:
+                look()
                 self._clauses[id(part)] = part, tuple(conjuncts(part))
             yield from self._clauses[id(part)][1]
 
@@ -249,6 +252,7 @@ class Ground:
                 touching.setdefault(name, []).append(at)
         result = []
         for action in self.actions:
+            look()
             touched = sorted({at for name in action.assigned for at in touching.get(name, ())})
             result.append(tuple(part for at in touched for part in self.shared.keeps(action, self.clauses[at])))
         return tuple(result)
@@ -368,12 +372,14 @@ def views(
         alike.setdefault(shared.reads(condition), []).append((condition, bits))
     judgements = []
     for names, conditions in alike.items():
+        look()
         ordered = sorted(names, key=shared.packing.order.__getitem__)
         truths = [(truth(condition, ordered), bits) for condition, bits in conditions]
         judgements.append(Judgement(shared.packing.mask(names), truths, full))
     judgements.sort(key=lambda judgement: -judgement.part.bit_count())  # stable: equal widths stay in order
     groups: list[tuple[int, list[Judgement]]] = []
     for judgement in judgements:
+        look()
         part = judgement.part
         room = [
             ((part & ~bits).bit_count(), at)

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from itertools import product
 from math import prod
 
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, alternatives
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Const, Expr, If, Or, conjuncts, meaning, negation
@@ -149,6 +150,7 @@ class Mutexes:
         return all(map(found.__and__, self._values.values()))
 
     def _move(self, at: int) -> Move:
+        look()
         action = self._of.actions[at]
         parts = (*action.conditions, *self._of.keeps[at])
         narrow = sorted(parts, key=lambda part: len(self._of.reads(part)))

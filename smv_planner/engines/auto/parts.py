@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 from smv_planner.check.projection import goals_about
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.model.expressions import FALSE, conjunction, conjuncts, meaning
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms, counts_steps
@@ -58,6 +59,7 @@ class Parts:
         self._automatic = []
         connected = []
         for action in live:
+            look()
             reads = map(of.reads, (*action.conditions, *action.assigned.values()))
             written = self._mask(action.assigned)
             used = written | self._mask(name for names in reads for name in names) & self._written
@@ -67,6 +69,7 @@ class Parts:
                 enabled = meaning(conjunction(action.conditions), of.system.index)
                 self._automatic.append((action.transition.name, enabled, written))
         for clause in of.clauses:
+            look()
             used = self._mask(of.reads(clause)) & self._written
             connected.append(used)
             self._need(used, used)
@@ -130,6 +133,7 @@ class Parts:
         return self._parts[group]
 
     def _made(self, group: Variables) -> Part:
+        look()
         whole = self._of.system
         left_out = self._written & ~group
         at = tuple(at for at in range(len(whole.variables)) if not left_out >> at & 1)
@@ -184,6 +188,7 @@ def joined(groups: Iterable[Variables]) -> list[Variables]:
     """Groups that have a variable in common, made one; in the order of their first variables."""
     apart: list[Variables] = []
     for group in groups:
+        look()
         if group:
             together = [other for other in apart if other & group]
             apart = [other for other in apart if not other & group]

@@ -15,6 +15,7 @@ from functools import reduce
 from itertools import product
 from operator import or_
 
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -102,6 +103,8 @@ class Abstraction:
             self._field.append(((1 << len(values)) - 1) << width)
             self._bits.append({value: 1 << width + at for at, value in enumerate(values)})
             width += len(values)
+        self._lows = sum(1 << low for low in self._low)
+        self._ends = self._lows & ~1 | 1 << width
         self._reads = of.reads
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
         self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
@@ -114,6 +117,7 @@ class Abstraction:
         self.allowed = self.condition(of.clauses)
 
     def condition(self, parts: Iterable[Expr]) -> Condition:
+        look()
         narrow, masks, others = -1, dict[Sets, None](), []
         for part in parts:
             names = self._reads(part)
@@ -141,7 +145,9 @@ class Abstraction:
         """Masks without those that are hit whenever others are, or in any case: every variable has some value."""
         left: list[Sets] = []
         for mask in sorted(masks, key=int.bit_count):
-            if all(fewer & ~mask for fewer in left) and all(field & ~mask for field in self._field):
+            # Adding one to every variable's values carries out of those that are all there.
+            full = ((mask + self._lows) ^ mask ^ self._lows) & self._ends
+            if not full and all(fewer & ~mask for fewer in left):
                 left.append(mask)
         return left
 
@@ -170,6 +176,14 @@ class Abstraction:
 
     def _asked(self, part: Expr, wanted: bool) -> list[Sets]:
         """What a predicate on one variable asks for: nothing, if it always is as wanted."""
+        match part:
+            case Var(name):
+                return [self._bits[self.index[name]][wanted]]
+            case Equal(Var(name), Const(value)):
+                bit = self._bits[self.index[name]].get(value, 0)
+                return [bit if wanted else self._field[self.index[name]] & ~bit]
+            case Not(inner):
+                return self._asked(inner, not wanted)
         names = self._reads(part)
         holds = meaning(part, dict.fromkeys(names, 0))
         for name in names:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
 
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
 from smv_planner.engines.auto.symmetry import Fold
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
@@ -135,6 +136,7 @@ class Tables:
             self.moves = tuple(self._move(at) for at in range(self._count))
 
     def _move(self, at: int) -> Move:
+        look()
         action, packing = self.ground.actions[at], self.packing
         state_bits = (1 << packing.width) - 1
         keep = state_bits & ~packing.mask(action.assigned)
@@ -159,6 +161,7 @@ def taken_apart(needs: Mapping[Expr, int], first: int, shared: Shared) -> tuple[
     narrow: dict[Expr, int] = {}
     unless: list[tuple[int, int]] = []
     for condition, bits in needs.items():
+        look()
         for refused in shared.narrow(condition):
             bit = 1 << first + len(unless)
             unless.append((bit, bits))

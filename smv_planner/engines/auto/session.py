@@ -38,6 +38,7 @@ class Session:
         self._system = system
         self._variants: dict[tuple[int, ...], tuple[tuple[Invariant, ...], Ground, Tables]] = {}
         self._abstractions: dict[Ground, Abstraction] = {}
+        self._hard: set[Ground] = set()
         self._guides: dict[Ground, Guide] = {}
         self._mutexes: dict[Ground, Mutexes] = {}
         self._parts: dict[Ground, Parts] = {}
@@ -57,6 +58,7 @@ class Session:
         if len(self._variants) > VARIANTS:
             _, dropped, _ = self._variants.pop(next(iter(self._variants)))
             self._abstractions.pop(dropped, None)
+            self._hard.discard(dropped)
             self._guides.pop(dropped, None)
             self._mutexes.pop(dropped, None)
             self._parts.pop(dropped, None)
@@ -66,9 +68,12 @@ class Session:
         tables.trim()
         return of, tables
 
-    def abstracted(self, of: Ground) -> bool:
-        """Whether the abstraction is there already."""
-        return of in self._abstractions
+    def hard(self, of: Ground) -> bool:
+        """Whether a question was hard."""
+        return of in self._hard
+
+    def was_hard(self, of: Ground) -> None:
+        self._hard.add(of)
 
     def abstraction(self, of: Ground) -> Abstraction:
         if of not in self._abstractions:

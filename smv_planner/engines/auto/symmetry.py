@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
+from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, Packing
 from smv_planner.engines.sat import Predicates
 from smv_planner.model.domains import Value
@@ -61,6 +62,7 @@ class Symmetries:
         self._plain: dict[int, tuple[Expr, Form]] = {}
         self._where: dict[Form, int] = {}
         for at, action in enumerate(of.actions):
+            look()
             form = self._action(action, NO_SWAP)
             self._where[form] = self._where.get(form, 0) | 1 << at
         self._clauses = {self._form(clause, NO_SWAP) for clause in of.clauses}
@@ -120,6 +122,7 @@ class Symmetries:
 
     def _kept(self, swap: Swap) -> dict[int, int] | None:
         moved = {}
+        look()
         for at, action in enumerate(self._of.actions):
             if not swap.touched.isdisjoint(self._used[at]):
                 images = self._where.get(self._action(action, swap), 0)
@@ -213,6 +216,7 @@ class Symmetries:
 
         seen: set[int] = set()
         for action in self._of.actions:
+            look()
             for name, value in action.assigned.items():
                 if isinstance(value, Var):
                     join(name, value.name)
@@ -239,6 +243,7 @@ class Symmetries:
                 first, *others = names
                 found: dict[str, tuple[Thing, Thing]] = {}
                 for other in others:
+                    look()
                     pair = self._pair(first, assigning[first], other, assigning[other])
                     if pair and all(pair[0] == known and apart(pair[1], thing) for known, thing in found.values()):
                         found[other] = pair

@@ -1,0 +1,96 @@
+"""Every stage of `auto` looks at the clock, is left when the time is up, and leaves nothing half done behind."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from random import Random
+from types import ModuleType
+
+import pytest
+from bench import instances
+from engines.test_auto import BY_CLAUSES, BY_SEARCH, LIMITS, questions_about_one_system, same, stands
+from generated import question
+
+from smv_planner.engines import auto, clauses, explicit
+from smv_planner.engines.auto import clock
+from smv_planner.engines.auto.session import session_of
+from smv_planner.problem import Problem, Undecided, Verdict
+
+
+class Clock:
+    """Time is up after so many looks."""
+
+    def __init__(self, looks: int) -> None:
+        self.left = looks
+        self.looks = 0
+
+    def __call__(self) -> bool:
+        self.looks += 1
+        self.left -= 1
+        return self.left >= 0
+
+
+def asked(problem: Problem, looks: int, budget: int = auto.BUDGET) -> tuple[Verdict, int]:
+    """The answer before so many looks at the clock, and how many there were."""
+    watch = Clock(looks)
+    with clock.watched(watch):
+        return auto.ask(problem, LIMITS, budget), watch.looks
+
+
+@pytest.mark.parametrize("budget", [BY_SEARCH, BY_CLAUSES], ids=["search alone", "clauses alone"])
+def test_a_question_left_at_any_time_leaves_nothing_half_done(budget: int) -> None:
+    """Questions about one system in a row, each left somewhere and then asked again to the end."""
+    left = 0
+    for seed in range(5000, 5010):
+        random = Random(seed)
+        session_of.cache_clear()
+        for problem in questions_about_one_system(seed, 4):
+            expected = explicit.ask(problem, LIMITS)
+            for looks in random.choices(range(150), k=4):
+                answered, _ = asked(problem, looks, budget)
+                if isinstance(answered, Undecided):
+                    assert answered.deadline
+                    left += 1
+                else:
+                    assert same(answered, expected)
+            answered = auto.ask(problem, LIMITS, budget)
+            assert same(answered, expected)
+            assert stands(problem, answered)
+    assert left > 20
+
+
+def test_every_look_can_be_the_last() -> None:
+    problem = question(2)
+    session_of.cache_clear()
+    whole, number = asked(problem, 1 << 30, BY_CLAUSES)
+    assert number > 50
+    for looks in range(0, number, 7):
+        session_of.cache_clear()
+        answered, looked = asked(problem, looks, BY_CLAUSES)
+        assert isinstance(answered, Undecided)
+        assert looked == looks + 1
+        assert same(auto.ask(problem, LIMITS, BY_CLAUSES), whole)
+
+
+def sizes() -> dict[str, Callable[[], Problem]]:
+    return {
+        "8 of 24 bolts": lambda: instances.frozen(8).problem,
+        "50 stations": lambda: instances.stations(50).problem,
+        "entangled mutex": lambda: instances.mutex(24, entangled=True).problem,
+    }
+
+
+@pytest.mark.parametrize("name", sizes())
+@pytest.mark.parametrize("engine", [auto, clauses], ids=["auto", "sat"])
+def test_the_largest_questions_are_left_at_the_next_look(name: str, engine: ModuleType) -> None:
+    """The stages that prepare an answer look at the clock for each transition, clause and pair that they go through."""
+    problem = sizes()[name]()
+    for looks in (0, 50, 500):
+        session_of.cache_clear()
+        watch = Clock(looks)
+        with clock.watched(watch):
+            answered = engine.ask(problem, LIMITS)
+        assert isinstance(answered, Undecided), answered
+        assert answered.deadline
+        assert watch.looks == looks + 1
+    session_of.cache_clear()
