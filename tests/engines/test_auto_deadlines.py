@@ -12,7 +12,9 @@ from engines.test_auto import BY_CLAUSES, BY_SEARCH, LIMITS, questions_about_one
 from generated import question
 
 from smv_planner.engines import auto, clauses, explicit
-from smv_planner.engines.auto import clock
+from smv_planner.engines.auto import Late, Means, clock
+from smv_planner.engines.auto import _search as searched
+from smv_planner.engines.auto.search import Paused, explore
 from smv_planner.engines.auto.session import session_of
 from smv_planner.problem import Problem, Undecided, Verdict
 
@@ -93,4 +95,18 @@ def test_the_largest_questions_are_left_at_the_next_look(name: str, engine: Modu
         assert isinstance(answered, Undecided), answered
         assert answered.deadline
         assert watch.looks == looks + 1
+    session_of.cache_clear()
+
+
+def test_what_is_remembered_counts_as_memory() -> None:
+    """There is room for the states, but not for what is known of them as well."""
+    problem = instances.mutex(16, entangled=True).problem
+    session_of.cache_clear()
+    tables = session_of(problem.system).variant(problem.allowed)[1]
+    counted = next(found for found in explore(tables, problem) if isinstance(found, Paused) and found.memos > 100)
+    little = Means(states=1 << 30, memory=auto.BYTES_PER_NODE * (counted.number + 100), on_time=lambda text: True)
+    found = searched(explore(tables, problem), problem, little.states, little)
+    assert isinstance(found, Late)
+    assert not found.deadline
+    assert found.depth == counted.depth
     session_of.cache_clear()

@@ -190,16 +190,20 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     not which plan is found.
     """
     hard, states = warm.hard(ground), means.states
+    tables.trim(means.memory // BYTES_PER_NODE // 4)
     searching, fold = explore(tables, problem), None
-    found = _search(searching, problem, min(SOME if hard else FEW, states), means.on_time)
+    found = _search(searching, problem, min(SOME if hard else FEW, states), means)
     if isinstance(found, Paused | Ended):
         warm.was_hard(ground)
         part = warm.parts(ground).needed(problem)
         if part:
             return by_parts(problem, warm, [part], means)
-    patience = min(max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR), states)
+    if _goes_on(found, problem, states):
+        fold = warm.symmetries(ground).fold(problem)
+    folds = fold is not None and fold.alike >= ALIKE
+    patience = min(FEW if folds else max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR), states)
     if not hard and _goes_on(found, problem, patience):
-        found = _search(searching, problem, patience, means.on_time)
+        found = _search(searching, problem, patience, means)
     if isinstance(found, Paused | Ended):
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
@@ -216,25 +220,23 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
             return guided
         least = max(least, guided)
     if _goes_on(found, problem, patience) and least <= problem.bound:
-        found = _search(searching, problem, patience, means.on_time)
-    if _goes_on(found, problem, states) and least <= problem.bound:
-        fold = warm.symmetries(ground).fold(problem)
-    if fold is not None:
+        found = _search(searching, problem, patience, means)
+    if fold is not None and _goes_on(found, problem, states) and least <= problem.bound:
         searching = explore(tables, problem, fold)
-        states = min(states * (FOLDED if fold.alike >= ALIKE else 1), means.memory // BYTES_PER_NODE)
+        states = min(states * (FOLDED if folds else 1), means.memory // BYTES_PER_NODE)
     alike = 1 if fold is None else FOLDED
     if _goes_on(found, problem, states) and least <= problem.bound:
-        found = _search(searching, problem, min(effort, states), means.on_time)
+        found = _search(searching, problem, min(effort, states), means)
     if isinstance(found, Ended) or effort > QUICK:
         apart = _apart(found, problem, warm, ground, means.on_time, alike)
         if apart:
             return apart
     if _goes_on(found, problem, states) and least <= problem.bound:
-        found = _search(searching, problem, states, means.on_time)
+        found = _search(searching, problem, states, means)
     if isinstance(found, Ended):
         short = _short_proof(found, ground, problem, means.on_time, alike)
         if short is None and fold is not None:
-            found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means.on_time)
+            found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means)
         if short is not None:
             return Unreachable(short, PRESERVED)
         if isinstance(found, Ended):
@@ -285,13 +287,18 @@ def _goes_on(found: Reached | Ended | Paused | Late, problem: Problem, states: i
 
 
 def _search(
-    searching: Iterator[Reached | Ended | Paused], problem: Problem, states: int, on_time: OnTime
+    searching: Iterator[Reached | Ended | Paused], problem: Problem, states: int, means: Means
 ) -> Reached | Ended | Paused | Late:
-    """Search until something is found, more than so many states were looked at, the bound is passed, or the time is."""
+    """Search until something is found, more than so many states were looked at, or the bound, the time or the memory is passed.
+
+    An entry of a memo takes about as much memory as a state.
+    """
     for found in searching:
         if not isinstance(found, Paused) or found.number > states or found.depth > problem.bound:
             return found
-        if not on_time(f"{found.number} states, {found.depth} steps deep"):
+        if (found.number + found.memos) * BYTES_PER_NODE > means.memory:
+            return Late(found.depth, deadline=False)
+        if not means.on_time(f"{found.number} states, {found.depth} steps deep"):
             return Late(found.depth)
     raise AssertionError("the search ends with a plan, at the bound, or because nothing is left")
 

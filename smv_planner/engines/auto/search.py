@@ -126,9 +126,12 @@ class Tables:
             actions=tuple([move.action for move in chosen]),
         )
 
-    def trim(self) -> None:
+    def entries(self) -> int:
+        return sum(view.entries() for view in self.views) + sum(map(len, self._ways.values()))
+
+    def trim(self, most: int = MEMO) -> None:
         """Forget what is only remembered to be quicker, if that has become much."""
-        if sum(view.entries() for view in self.views) + sum(map(len, self._ways.values())) > MEMO:
+        if self.entries() > most:
             for view in self.views:
                 view.forget()
             self._ways.clear()
@@ -174,10 +177,11 @@ def taken_apart(needs: Mapping[Expr, int], first: int, shared: Shared) -> tuple[
 
 @dataclass(frozen=True, slots=True)
 class Paused:
-    """No plan of fewer than `depth` steps; `number` nodes are known so far."""
+    """No plan of fewer than `depth` steps; `number` nodes are known so far, and the memos have so many entries, if counted."""
 
     depth: int
     number: int
+    memos: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,7 +271,7 @@ def explore(
         following: list[int] = []
         for looked, node in enumerate(frontier):
             if looked % chunk == chunk - 1:
-                yield Paused(depth, len(parent))
+                yield Paused(depth, len(parent), tables.entries() + len(fold or ()))
             mask, seen = full, watched
             for part, view in moving:
                 mask &= view[node & part]
