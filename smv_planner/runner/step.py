@@ -748,6 +748,10 @@ class _Turn:
             self.need(Cause.RESUMED)
         elif decision.following is not None and not (self.now.following or self.now.executing):
             self.adopt(decision, Cause.RESUMED)
+        elif decision.stuck and not (self.now.stuck or self.now.wanted()):  # a planner that began anew says it again
+            why = "; ".join(f"'{name}': {self.now.intentions[name].reason}" for name in self.in_error())
+            self.set(stuck=why or decision.stuck)
+            self.note("alarm", why or decision.stuck)
 
     def used_up(self, asked: Asked, decision: Decision) -> bool:
         """Count failures: an operation that had to be planned again once too often is in error (section 6.2)."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 from rig import TWO_ARMS, Rig
 from small_stations import BAD_PLACE, ONE_WORKS, SWITCH, edited, without_lift
 
-from smv_planner.runner.situation import Status
+from smv_planner.runner.events import Began
+from smv_planner.runner.situation import Phase, Status
 
 HALTS = edited(TWO_ARMS, ("name: two_arms", "name: two_arms\non_error: halt"))
 
@@ -40,6 +41,17 @@ def test_a_failed_operation_that_counts_again_on_change_does_so_at_once() -> Non
     assert not rig.now.failed
     rig.answer_all()
     assert rig.executing == ["work_left"]
+
+
+def test_a_planner_that_begins_anew_says_again_why_nothing_goes_on() -> None:
+    rig = _failed(TWO_ARMS)
+    why = rig.now.stuck
+    assert why is not None
+    rig.do(Began(rig.at, "p2"))
+    rig.wait(1.4)
+    assert rig.now.phase is Phase.RUNNING
+    rig.answer_all()
+    assert rig.now.stuck == why
 
 
 FOUR_STEPS = edited(
