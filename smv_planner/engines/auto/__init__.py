@@ -60,6 +60,9 @@ QUICK = 4_000
 ALIKE = 6
 """From how many interchangeable things on it stands for many."""
 
+LASTING = 3
+"""How many times as long such a search goes on before pairwise mutexes are looked at."""
+
 BYTES_PER_NODE = 250
 
 SECONDS_PER_STATE = 200e-6
@@ -221,9 +224,12 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         least = max(least, guided)
     if _goes_on(found, problem, patience) and least <= problem.bound:
         found = _search(searching, problem, patience, means)
-    if fold is not None and _goes_on(found, problem, states) and least <= problem.bound:
+    if not (_goes_on(found, problem, states) and least <= problem.bound):
+        fold = None
+    if fold is not None:
         searching = explore(tables, problem, fold)
         states = min(states * (FOLDED if folds else 1), means.memory // BYTES_PER_NODE)
+        effort *= LASTING if folds else 1
     alike = 1 if fold is None else FOLDED
     if _goes_on(found, problem, states) and least <= problem.bound:
         found = _search(searching, problem, min(effort, states), means)

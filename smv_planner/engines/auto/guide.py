@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from itertools import combinations, product
 
 from smv_planner.engines.auto.bounded import question
+from smv_planner.engines.auto.clock import Over, look
 from smv_planner.engines.auto.frames import numbered
 from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives
 from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
@@ -37,8 +38,8 @@ STATES = 20_000
 ALTERNATIVES = 4
 """How many alternatives of what a last action needs are looked at apart."""
 
-DISTANCES = 64
-"""How many patterns' distances are kept."""
+KEPT = 200_000
+"""To how many states the distance is kept before all are forgotten."""
 
 GOALS = 1000
 """For how many goals is kept what their distances are made of."""
@@ -58,7 +59,12 @@ class Distances(dict[int, int]):
         self._targets: list[int] = []
 
     def __missing__(self, part: int) -> int:
-        self._explore(part)
+        try:
+            self._explore(part)
+        except Over:  # what is half explored would seem to lead nowhere
+            self._following.clear()
+            self._targets.clear()
+            raise
         self.update(dict.fromkeys(self._following, NEVER if len(self._following) <= STATES else 0))
         if len(self._following) <= STATES:
             self._measure()
@@ -73,6 +79,8 @@ class Distances(dict[int, int]):
             node = waiting.pop()
             if node in following:
                 continue
+            if len(following) % 1024 == 0:
+                look()
             mask = self._tables.full
             for part, view in views:
                 mask &= view[node & part]
@@ -86,6 +94,9 @@ class Distances(dict[int, int]):
             waiting += found
         for node in waiting:
             following.setdefault(node, [])
+
+    def size(self) -> int:
+        return len(self._following)
 
     def _measure(self) -> None:
         before: dict[int, list[int]] = {}
@@ -263,8 +274,9 @@ class Guide:
             asked = tuple(part for part in target if self._of.reads(part) <= pattern)
             key = pattern, frozenset(asked), tuple(at for at, _ in within)
             if key not in self._known:
-                if len(self._known) == DISTANCES:
+                if sum(distances.size() for distances in self._known.values()) > KEPT:
                     self._known.clear()
+                    self._cases.clear()
                 self._known[key] = Distances(self._of, pattern, [action for _, action in within], asked)
             yield self._known[key].part, self._known[key]
 
