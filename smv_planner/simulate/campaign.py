@@ -15,7 +15,7 @@ from smv_planner.emulation import emulator as emulators
 from smv_planner.emulation.behaviour import Behaviour, Instead
 from smv_planner.emulation.draw import Draw
 from smv_planner.model.domains import Value
-from smv_planner.model.system import VariableKind
+from smv_planner.model.system import Policy, VariableKind
 from smv_planner.runner.decision import Action, Decision, Request
 from smv_planner.runner.events import Activate, Approve, Assign, Cancel, Confirm, Order, Pause, Proceed, Reenable
 from smv_planner.runner.records import record
@@ -30,7 +30,7 @@ from smv_planner.simulate.process import MemoryDisk, Moment, Process
 from smv_planner.simulate.world import World
 
 TROUBLE = 100.0
-"""Seconds of trouble."""
+"""Seconds of trouble; twice as many if it takes them until the seed has done enough."""
 
 PEACE = 400.0
 """Seconds after which the station must have come to its end."""
@@ -55,12 +55,14 @@ DECEIVING = {
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """What came of a seed. `edges` counts what recovery did, by the names of Table 1 and of the runner's notes."""
+    """What came of a seed. `edges` counts what recovery did, by the names of Table 1 and of the runner's notes, and `helped`
+    what a person did that nobody had asked for."""
 
     seed: int
     swarm: Swarm
     violations: tuple[Violation, ...]
     faults: Mapping[str, int]
+    helped: Mapping[str, int]
     steps: int
     least: int
     edges: Mapping[str, int]
@@ -96,6 +98,7 @@ class Campaign:
         self.swarm = swarm(self.draw.of("swarm"))
         self.observer = Observer(self.station)
         self.happened: Counter[str] = Counter()
+        self.helped: Counter[str] = Counter()
         self.doomed: Moment | None = None
         self.engine: Trouble | None = None
         self.questions = 0
@@ -122,11 +125,18 @@ class Campaign:
     def run(self) -> Report:
         world = self.world
         world.run(self.trouble)
+        world.run(2 * self.trouble, stop=lambda: self.done >= self.steps)  # where little goes on, it takes longer to see enough
         self.calm()
-        world.run(self.trouble + self.peace, stop=self.finished)
+        peaceful = world.at
+        world.run(peaceful + self.peace, stop=self.finished)
         if not self.finished():
             self.observer.complain("I8", self.unfinished())
-        return self.report(world.at - self.trouble if self.finished() else None)
+        return self.report(world.at - peaceful if self.finished() else None)
+
+    @property
+    def done(self) -> int:
+        """How many steps were commanded."""
+        return self.observer.counts["controlled steps"]
 
     def report(self, peaceful: float | None) -> Report:
         world, edges = self.world, Counter[str]()
@@ -148,7 +158,8 @@ class Campaign:
             self.swarm,
             tuple(self.observer.violations),
             faults,
-            self.observer.counts["controlled steps"],
+            self.helped,
+            self.done,
             self.steps,
             edges,
             peaceful,
@@ -193,34 +204,41 @@ class Campaign:
     # --- somebody looks after the station
 
     def look_after(self) -> None:
-        """What was given up is tried again, and when all is done there is new work."""
+        """What only a person may do, and new work when all is done.
+
+        He counts on effects again whose policy is `manual`, says again what he said to a planner that died, activates what
+        was paused or cancelled, and proceeds after halts. What is in error he leaves to the runner, which looks again itself.
+        """
         self.world.later(4.0 + 8.0 * self.draw.unit("looks", str(self.world.at)) if self.troubled else 2.0, self.look_after)
         now = self.world.situation
         if now.phase is not Phase.RUNNING or not self.world.process.alive:
             return
-        for name in (*now.lost, *now.disabled, *now.failed):
-            self.world.order(Reenable(name))
+        manual = [n for n in now.disabled if self.station.system.transition[n].reenable.policy is Policy.MANUAL]
+        manual += [n for n in now.lost if self.station.resources[n].reenable.policy is Policy.MANUAL]
+        for name in manual:
+            self.help("re-enabled", Reenable(name))
         for name, pursuit in now.intentions.items():
-            match pursuit.status:
-                case Status.ERROR:
-                    self.world.order(Reenable(name))
-                case Status.PAUSED | Status.CANCELLED:
-                    self.world.order(Activate(name))
+            if pursuit.status in (Status.PAUSED, Status.CANCELLED):
+                self.help("activated", Activate(name))
         for request, wish in now.wishes.items():  # what was said to a process that died is said again
             if wish.kind is not WishKind.MAINTENANCE:
-                self.world.order(Approve(request))
+                self.help("approved", Approve(request))
             elif wish.confirmed_at is None and wish.transition is not None:
                 self.world.operator_does(request, wish.transition)
         if now.halted:
-            self.world.order(Proceed())
+            self.help("proceeded", Proceed())
         self.stuck_looks = self.stuck_looks + 1 if now.stuck else 0
         if self.stuck_looks >= GIVES_UP or (self.troubled and all(self.at_rest(name) for name in now.intentions)):
             self.start_over()
 
+    def help(self, how: str, order: Order) -> None:
+        self.helped[how] += 1
+        self.world.order(order)
+
     def start_over(self) -> None:
         """A new engine, a new seal: what only the planner knows is as at first. A broken promise is given anew."""
         self.stuck_looks = 0
-        self.happened["started over"] += 1
+        self.helped["started over" if self.troubled else "started over in peace"] += 1
         own = [v for v in self.station.system.variables if v.kind in (VariableKind.DECISION, VariableKind.ESTIMATED)]
         self.world.order(Assign({v.name: self.set.get(v.name, v.initial) for v in own}))
         for name, pursuit in self.world.situation.intentions.items():
