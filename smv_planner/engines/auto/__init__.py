@@ -57,6 +57,9 @@ GUIDED = 5_000
 QUICK = 4_000
 """Up to how many facts times actions pairwise mutexes take a few milliseconds. Else as many states are looked at first."""
 
+GUIDED_TO_SEVERAL = 1_000
+"""The same for several goals: the farthest of them alone says little about how many steps all of them take."""
+
 ALIKE = 6
 """From how many interchangeable things on it stands for many."""
 
@@ -260,7 +263,8 @@ def _guided(problem: Problem, warm: Session, ground: Ground, tables: Tables, on_
     estimate = warm.guide(ground).estimate(problem)
     if estimate is None:
         return 0
-    limit, left = estimate(ground.packing.pack(problem.initial), -1), GUIDED
+    limit = estimate(ground.packing.pack(problem.initial), -1)
+    left = GUIDED if len(problem.goals) == 1 else GUIDED_TO_SEVERAL
     while limit <= problem.bound:
         found: Reached | Ended | Paused = Paused(limit, 0)
         for found in explore(tables, problem, within=(estimate, limit)):
