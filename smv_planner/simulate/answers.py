@@ -27,7 +27,7 @@ class Memory:
     hits: int = 0
 
     def __call__(self, request: Request) -> Decision:
-        question = key(request)
+        question = key(self.model, request)
         decision = self.known.get(question)
         if decision is None:
             decision = self.known[question] = recover(self.model, request, self.planners)
@@ -36,11 +36,13 @@ class Memory:
         return decision
 
 
-def key(request: Request) -> Hashable:
-    """The same for requests that get the same decision."""
+def key(model: Model, request: Request) -> Hashable:
+    """The same for requests that get the same decision: of causes counts whether something went wrong, of what is in error
+    its names, and what has run only where an order is prescribed."""
     following, course = request.following, request.course
+    ordered = model.sequence or any(intention.sequence for intention in model.intentions)
     return (
-        request.cause,
+        request.cause.ordinary,
         request.state,
         request.wanted,
         _executions(request.executing),
@@ -48,10 +50,10 @@ def key(request: Request) -> Hashable:
         following and _plan(following),
         request.disabled,
         request.lost,
-        tuple(request.failed.items()),
+        frozenset(request.failed),
         request.spent,
         request.given_up,
-        request.ran,
+        request.ran if ordered else (),
         request.recheck,
     )
 

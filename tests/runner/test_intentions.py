@@ -88,3 +88,23 @@ def test_a_new_plan_may_need_an_operation_that_executes_a_second_time() -> None:
     rig.answer_all()
     assert rig.now.intentions["two"].status is Status.EXECUTING
     assert rig.executing == ["out"]
+
+
+def test_an_operation_that_goes_on_in_a_new_plan_keeps_the_post_condition_it_started_with() -> None:
+    text = edited(
+        ONE_WORKS,
+        (
+            "decision:\n",
+            "decision:\n  wanted: {domain: {min: 0, max: 2}, initial: 1}\n  got: {domain: {min: 0, max: 2}, initial: 0}\n",
+        ),
+        ("effects: {left_done: true}", "effects: {left_done: true, got: wanted}"),
+    )
+    rig = Rig(text).begin()
+    assert rig.executing == ["work_left"]
+    rig.order(Assign({"wanted": 2}))
+    rig.order(Pause("one"))  # so the operations are planned anew
+    rig.order(Activate("one"))
+    rig.answer_all()
+    assert rig.executing == ["work_left"]
+    rig.measure("left.at", "out")
+    assert rig.value("got") == 1
