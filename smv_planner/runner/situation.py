@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning, variables_of
-from smv_planner.model.ltl import Formula, atoms
+from smv_planner.model.ltl import Formula, atoms, holds
 from smv_planner.model.model import Intention, Model, Resource
 from smv_planner.model.semantics import Steps, ready
 from smv_planner.model.system import Kind, State, System, Transition, Variable, VariableKind
@@ -272,6 +272,20 @@ class Station:
     def begun(self, state: State) -> tuple[str, ...]:
         """The effects with a time limit that are enabled in a state."""
         return _recalled(self._begun, state, lambda: tuple(name for name, enabled in self.enabled.items() if enabled(state)))
+
+    def met(self, owed: Formula, state: State) -> bool:
+        """Whether nothing more has to happen for what is owed."""
+        known = self._met.get(id(owed))  # formulas are long to compare, and asked about again with every tick
+        if known is None or known[0] is not owed or known[1] is not state:
+            if len(self._met) >= RECALLED:
+                self._met.clear()
+            answer = holds(owed, (self.decisions(state),), self.decision_index)
+            known = self._met[id(owed)] = owed, state, answer
+        return known[2]
+
+    @cached_property
+    def _met(self) -> dict[int, tuple[Formula, State, bool]]:
+        return {}
 
     @cached_property
     def _broken(self) -> dict[State, frozenset[str]]:

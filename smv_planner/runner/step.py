@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, meaning
-from smv_planner.model.ltl import ALWAYS_FALSE, holds, progressed
+from smv_planner.model.ltl import ALWAYS_FALSE, progressed
 from smv_planner.model.model import OnError
 from smv_planner.model.semantics import fire
 from smv_planner.model.system import Any, Kind, Policy, State, Transition, VariableKind
@@ -1015,7 +1015,7 @@ class _Turn:
     def reached(self, pursuit: Pursuit) -> bool:
         """Whether nothing more has to happen for `formula U goal`."""
         assert pursuit.owed is not None
-        return holds(pursuit.owed, (self.station.decisions(self.now.state),), self.station.decision_index)
+        return self.station.met(pursuit.owed, self.now.state)
 
     def finish(self, name: str) -> None:
         """The goal is reached: the intention's actions are applied (Def. 6)."""
