@@ -96,7 +96,7 @@ class Link(Protocol):
         """Answer questions with a function, in a thread of its own. A SmvPlannerError or ValueError is told to who asks."""
 
     def ask(self, key: str, payload: bytes = b"", timeout: float = 2.0) -> bytes:
-        """The answer of whoever answers first. Raises LinkError."""
+        """Everybody who answers there is asked; the first answer that is no refusal. Raises LinkError."""
 
     def alive(self, key: str) -> None:
         """Be listed under this key as long as this link lives."""
@@ -254,7 +254,9 @@ class _ZenohLink:
         import zenoh
 
         try:
-            replies = self._session.get(key, payload=payload, timeout=timeout)
+            # By default Zenoh asks one of several, which may be the one that refuses, and holds replies back until all are in.
+            everybody, at_once = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
+            replies = self._session.get(key, payload=payload, timeout=timeout, target=everybody, consolidation=at_once)
             refusal = None
             for reply in replies:
                 if reply.ok is not None:

@@ -110,6 +110,27 @@ def test_questions_are_answered_and_refusals_say_why(one: Link, other: Link) -> 
         other.ask("nowhere")
 
 
+def test_of_several_who_answer_one_that_refuses_does_not_count(endpoint: str, one: Link, other: Link) -> None:
+    def refuses(_: bytes) -> bytes:
+        raise ValueError("ask the other")
+
+    with open_link(LinkConfig((endpoint,))) as third:
+        one.answer("cell/several", refuses)
+        until(lambda: _refusal(third, "cell/several") == "ask the other")
+        other.answer("cell/several", lambda _: b"here I am")
+        until(lambda: _refusal(third, "cell/several") is None)
+        for _ in range(20):
+            assert third.ask("cell/several") == b"here I am"
+
+
+def _refusal(link: Link, key: str) -> str | None:
+    try:
+        link.ask(key)
+    except LinkError as error:
+        return str(error)
+    return None
+
+
 def test_a_mistake_in_an_answer_does_not_keep_others_from_asking(one: Link, other: Link) -> None:
     def answer(asked: bytes) -> bytes:
         assert asked != b"break"
