@@ -5,14 +5,15 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 from bridge import keys
 from bridge.link import Link, LinkError
 from smv_planner.cli import outcome
 from smv_planner.cli.asking import add_planner, cell_of, document
-from smv_planner.cli.network import linked
-from smv_planner.daemon import orders
+from smv_planner.cli.network import linked, settings
+from smv_planner.daemon import orders, status
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.model.domains import Value, show_value
 
@@ -42,6 +43,7 @@ def add_ask(parser: argparse.ArgumentParser) -> None:
 
 def add_health(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print all that the planner says of its health")
+    parser.add_argument("--journal", metavar="DIR", help="the planner of this machine that has its journal there")
     add_planner(parser)
 
 
@@ -90,8 +92,10 @@ def only_request(found: dict[str, Any], answer: str) -> str:
 def health(asked: argparse.Namespace) -> int:
     """0 if the planner is well; else 1, whatever the reason, for those who restart it."""
     try:
-        with linked(asked) as link:
-            found = document(link, keys.health(cell_of(asked, link)))
+        found = _status(asked)
+        if found is None:
+            with linked(asked) as link:
+                found = document(link, keys.health(cell_of(asked, link)))
     except LinkError as error:
         print(error, file=sys.stderr)
         return UNHEALTHY
@@ -102,6 +106,19 @@ def health(asked: argparse.Namespace) -> int:
             "; ".join(found["wrong"]) or f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
         )
     return outcome.REACHED if found["healthy"] else UNHEALTHY
+
+
+def _status(asked: argparse.Namespace) -> dict[str, Any] | None:
+    """What the daemon of this machine says that is meant; None if the network has to be asked. Raises UsageError."""
+    if asked.connect:
+        return None
+    found = settings(asked)
+    if found["journal"].origin != "default" or found["cell"].value:
+        return status.found(found["journal"].value)
+    told = status.all_below(Path(found["journal"].value).parent)
+    if len(told) > 1:
+        raise UsageError([Mistake("several planners were started here: " + ", ".join(told), "name one with --cell or --journal")])
+    return next(iter(told.values()), None)
 
 
 def _value(text: str) -> tuple[str, Value]:

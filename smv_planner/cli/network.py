@@ -50,15 +50,16 @@ def tls(asked: argparse.Namespace) -> Tls | None:
 
 def link_config(asked: argparse.Namespace) -> LinkConfig:
     """From the arguments; what they do not say, from the environment and the file, as `smv-planner run` has it."""
-    return config.link_config(_settings(asked))
+    return config.link_config(settings(asked))
 
 
 def setting(asked: argparse.Namespace, name: str) -> Any:
     """One setting, from the same places."""
-    return _settings(asked)[name].value
+    return settings(asked)[name].value
 
 
-def _settings(asked: argparse.Namespace) -> config.Config:
+def settings(asked: argparse.Namespace) -> config.Config:
+    """All of them; flags that a command does not have count as not given."""
     return config.resolved(vars(asked), os.environ, None, {}, config.state_folder(os.environ))
 
 

@@ -114,7 +114,7 @@ class Daemon:
         for key, document in self._told().items():
             link.answer(key, lambda _, document=document: self.document(document))  # type: ignore[misc]
         link.answer(keys.event(cell), self.recent)
-        link.answer(keys.health(cell), lambda _: documents.encoded(self.health()))
+        link.answer(keys.health(cell), lambda _: self.document(lambda *_: self.health()))
         link.answer(keys.order(cell), self.take_order)
         link.alive(keys.planner(cell))
 
@@ -139,13 +139,20 @@ class Daemon:
         return documents.encoded({"format": documents.FORMAT, "kind": "accepted", **orders.said(order)})
 
     def document(self, made: Document) -> bytes:
-        """As of now. Raises UsageError from one that rules no more: let the other answer."""
-        if self.situation.phase is Phase.FENCED_OUT:
-            raise orders.refused("another planner has taken over; ask that one")
+        """As of now. Raises UsageError from one that rules no more."""
+        self.leave_it_to_the_other()
         return documents.encoded(made(self.station, self.situation))
 
+    def leave_it_to_the_other(self) -> None:
+        if self.situation.phase is Phase.FENCED_OUT:
+            raise orders.refused("another planner has taken over; ask that one")
+
     def recent(self, payload: bytes) -> bytes:
-        """The events after a number, oldest first, as many as fit: what is published may be lost on its way."""
+        """The events after a number, oldest first, as many as fit: what is published may be lost on its way.
+
+        Raises UsageError from one that rules no more.
+        """
+        self.leave_it_to_the_other()
         after = orders.after(payload, self.situation.planner)
         size, fitting = 0, list[bytes]()
         for number, each in list(self._recent):
@@ -156,11 +163,16 @@ class Daemon:
                 fitting.append(each)
         return b"[" + b",".join(fitting) + b"]"
 
+    @property
+    def patience(self) -> float:
+        """Seconds without a tick that are too many."""
+        return max(1.0, 5 * self.station.model.period)
+
     def health(self) -> dict[str, Any]:
         """Whether all is well, and what is not."""
         now, age = self.situation, self.clock() - self.pulse.ticked_at
         wrong = []
-        if age > max(1.0, 5 * self.station.model.period):
+        if age > self.patience:
             wrong.append(f"the last tick was {age:.1f} s ago")
         if self.chronicle.trouble:
             wrong.append(self.chronicle.trouble)

@@ -24,6 +24,7 @@ from smv_planner.daemon.loop import Daemon
 from smv_planner.daemon.notify import Notify
 from smv_planner.daemon.planners import Worker, job
 from smv_planner.daemon.reload import changes, moved
+from smv_planner.daemon.status import Status
 from smv_planner.engines import ENGINES
 from smv_planner.errors import EngineError, Mistake, MistakesError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
@@ -93,11 +94,14 @@ def _reign(
         signals.listen()
         daemon = Daemon(station, situation, link, chronicle, worker, alarm)
         stack.enter_context(metrics.served(daemon, settings["metrics"]))
+        status = Status(settings["journal"], daemon.patience)
+        stack.callback(status.clear)
         coming: Model | None = None
 
         def ticked() -> None:
             nonlocal coming
             notify("WATCHDOG=1")
+            status.tell(daemon.health())
             if signals.reload:
                 signals.reload = False
                 coming = _reloaded(path, model)

@@ -19,7 +19,9 @@ import smv_planner as sp
 from bridge import keys
 from bridge.link import Link, LinkConfig, LinkError, open_link
 from bridge.router import RouterConfig, free_endpoint, router
+from smv_planner.cli import outcome
 from smv_planner.cli.asking import Events
+from smv_planner.cli.main import command
 from smv_planner.model.domains import Value, show_value
 
 ROOT = Path(__file__).parents[2]
@@ -28,6 +30,11 @@ PATIENCE = 90.0
 """Seconds for what takes one or two on a machine that has nothing else to do."""
 
 load = cache(sp.load)
+
+
+def health(*words: str) -> int:
+    """What `smv-planner health WORDS` exits with, in this process."""
+    return outcome.run(command, ["health", *words])
 
 
 def until(true: Callable[[], Any], what: str, patience: float = PATIENCE) -> Any:

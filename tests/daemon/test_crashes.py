@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import resource
@@ -16,7 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon.stations import ASSEMBLY, PATIENCE, Running, Station, load, observed, routed, station, until
+from daemon.stations import ASSEMBLY, PATIENCE, Running, Station, health, load, observed, routed, station, until
 
 from bridge import keys
 from bridge.router import free_endpoint
@@ -108,14 +109,20 @@ def test_nothing_that_was_accepted_is_lost(here: Station) -> None:
     assert believed(here)["filter_1"] == "tightened"
 
 
-def test_it_ends_when_told_to_and_leaves_nothing_behind(here: Station) -> None:
+def test_it_ends_when_told_to_and_leaves_nothing_behind(
+    here: Station, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SMV_PLANNER_CONNECT", here.endpoint)
     planner = here.planner()
     here.phase("running")
     before = children(planner)
     assert before
+    asked = ["--journal", str(here.folder / "journal"), "--json"]
+    until(lambda: health(*asked) == 0 and json.loads(capsys.readouterr().out)["phase"] == "running", "it says so on its disk too")
     assert planner.end() == 0
     until(lambda: not any(alive(each) for each in before), "the process that plans is gone")
     assert "Traceback" not in planner.text
+    assert health(*asked, "--cell", "nobodys") == UNHEALTHY
 
 
 def test_the_process_that_plans_may_die(here: Station) -> None:
@@ -136,6 +143,11 @@ def test_of_two_planners_one_gives_way(here: Station) -> None:
         until(lambda: finished(here), "the bolts are tightened")
         found = findings()
     assert found["wrong"] == []
+    journals = [str(here.folder / name) for name in ("first", "second")]
+    well = {name: health("--journal", name) for name in journals}
+    assert sorted(well.values()) == [0, UNHEALTHY], "each is asked for itself"
+    over_the_network = here.start("health")
+    assert over_the_network.child.wait(PATIENCE) == 0, "who was superseded leaves it to the other to answer"
     assert first.end() == 0
     assert second.end() == 0
 
@@ -181,9 +193,10 @@ def test_with_a_full_disk_it_holds_says_so_and_goes_on_afterwards(here: Station)
     limit = resource.RLIMIT_FSIZE
     resource.prlimit(planner.child.pid, limit, (2048, resource.RLIM_INFINITY))
     until(lambda: (here.say(keys.health) or {}).get("wrong"), "it is not well")
-    health = here.start("health")
-    assert health.child.wait(PATIENCE) == UNHEALTHY
-    assert "journal" in health.text
+    assert health("--journal", str(here.folder / "journal")) == UNHEALTHY
+    asked = here.start("health")
+    assert asked.child.wait(PATIENCE) == UNHEALTHY
+    assert "journal" in asked.text
     assert here.say(keys.order, {"order": "set", "values": {"filter_1": "tightened"}}) is None
     held = goals(here)
     assert goals(here) == held
