@@ -33,7 +33,7 @@ class Observer:
         self.wrong: list[str] = []
         self.newest: dict[tuple[str, int], dict[str, Any]] = {}
         self.obeyed: dict[str, dict[str, Any]] = {}
-        self.boots: dict[str, str] = {}
+        self.unused: dict[str, list[dict[str, Any]]] = {}
 
     def take(self, key: str, payload: bytes) -> None:
         message = json.loads(payload)
@@ -60,6 +60,16 @@ class Observer:
 
     def state(self, name: str, message: dict[str, Any]) -> None:
         before = self.obeyed.get(name)
+        reboot = before is not None and before["boot"] != message["boot"]
+        self.seen["reboots"] += reboot
+        if before is not None and reboot and not message["epoch"]:
+            # Who replaces a hub obeys nobody yet: nothing new may be asked of it until it says whom it obeys.
+            said = self.newest.get((name, before["epoch"]), {}).get("values")
+            self.unused[name] = [each for each in (message["mirror"], before["mirror"], said) if each is not None]
+        elif name in self.unused and message["epoch"]:
+            self.seen["first obeyed"] += 1
+            if message["mirror"] not in self.unused.pop(name):
+                self.wrong.append(f"{name}: was asked for {message['mirror']} before it had said that it obeys")
         if before is not None and before["boot"] == message["boot"] and message["seq"] > before["seq"]:
             told, was = (message["epoch"], message["goal_seq"]), (before["epoch"], before["goal_seq"])
             if told < was:
