@@ -364,6 +364,9 @@ class Observer(Watch):
     def published(self, process: Process, message: GoalMessage, payload: bytes) -> None:
         reign, name = self._reign(process), message.resource
         self.counts["messages"] += 1
+        newer = [other for other, heard in reign.heard.items() if heard.message.epoch > message.epoch]
+        if newer:
+            self.complain("fence", f"epoch {message.epoch} goes on though '{newer[0]}' was heard to obey a newer one")
         old = reign.published.get(name)
         if old == message:
             return

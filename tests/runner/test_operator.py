@@ -70,6 +70,17 @@ def test_another_mishap_means_another_instruction() -> None:
     assert len(rig.instructions) == asked + 1
 
 
+def test_a_confirmation_said_again_confirms_nothing_that_was_asked_for_since() -> None:
+    rig = _lifted(_dropped(TWO_ARMS))
+    first = rig.instructions[-1].request
+    rig.measure("left.at", "dropped")
+    rig.answer_all().wait(20.0)
+    rig.answer_all()
+    assert rig.instructions[-1].request != first
+    rig.order(Confirm(first))
+    assert [wish.confirmed_at for wish in rig.now.wishes.values()] == [None]
+
+
 def test_what_the_operator_was_asked_to_try_again_is_withdrawn_when_it_is_allowed_otherwise() -> None:
     rig = Rig().begin()
     for times in range(1, 4):

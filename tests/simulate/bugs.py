@@ -1,6 +1,6 @@
-"""Bugs that were never there: each is an edit of the code, with the seed that finds it.
+"""Bugs that were never there: each is an edit of the code, with what finds it: a seed, or where none does a case or a story.
 
-`python bugs.py NAME SEEDS` looks for seeds that do. A planted bug nobody finds says that the simulation looks away.
+`python bugs.py NAME SCENARIO SEEDS` looks for seeds that do. A planted bug nobody finds says that the simulation looks away.
 """
 
 from __future__ import annotations
@@ -24,18 +24,65 @@ class Edit:
 
 
 @dataclass(frozen=True)
+class Seed:
+    """A run under drawn trouble, which breaks `rule`."""
+
+    scenario: str
+    number: int
+    rule: str
+
+    @property
+    def command(self) -> list[str]:
+        return [str(Path(__file__).with_name("seeds.py")), self.scenario, str(self.number)]
+
+    @property
+    def shown(self) -> str:
+        """What is said when it breaks: the rule of the observer, or the name of an exception."""
+        return self.rule if self.rule[0].isupper() and self.rule[1:2].islower() else f" {self.rule}: "
+
+
+@dataclass(frozen=True)
+class Case:
+    """An execution case, whose expectations do not hold."""
+
+    scenario: str
+    name: str
+
+    @property
+    def command(self) -> list[str]:
+        return ["-m", "smv_planner", "simulate", str(ROOT / "scenarios" / self.scenario), "--case", self.name]
+
+    shown = ""
+
+
+@dataclass(frozen=True)
+class Story:
+    """A test of the runner with obedient hubs on a bench, which fails."""
+
+    file: str
+    test: str
+
+    @property
+    def command(self) -> list[str]:
+        return ["-m", "pytest", "-q", "-p", "no:cacheprovider", f"{ROOT / 'tests' / 'runner' / self.file}::{self.test}"]
+
+    shown = "1 failed"
+
+
+Finder = Seed | Case | Story
+
+
+@dataclass(frozen=True)
 class Bug:
-    """`seed` of `scenario` breaks `rule` with these edits, and none without."""
+    """With these edits the finder finds something, and nothing without."""
 
     name: str
-    scenario: str
-    seed: int
-    rule: str
+    finder: Finder
     edits: tuple[Edit, ...]
 
 
-def _one(name: str, scenario: str, seed: int, rule: str, file: str, old: str, new: str) -> Bug:
-    return Bug(name, scenario, seed, rule, (Edit(file, old, new),))
+def _one(name: str, finder: Finder, file: str, old: str, new: str) -> Bug:
+    return Bug(name, finder, (Edit(file, old, new),))
 
 
 STEP, HUB, VIEW = "runner/step.py", "protocol/hub.py", "protocol/view.py"
@@ -44,22 +91,22 @@ STATION = "assembly_station"
 BUGS = (
     _one(
         "plans are followed unchecked",
-        "nutrunner",
-        2,
-        "I7",
+        Seed("nutrunner", 2, "I7"),
         "planner/decide.py",
         "            checked = check_plan(problem, verdict, orders(problem, verdict))\n",
         "            each = tuple((at - 1,) if at else () for at in range(len(verdict.path)))\n"
         "            checked = CheckedPlan(problem, verdict, each, False)\n",
     ),
     _one(
-        "an overtaken state is believed", "nutrunner", 1, "I2", VIEW, "if message.seq <= now.seq:", "if message.seq == now.seq:"
+        "an overtaken state is believed",
+        Seed("nutrunner", 3, "I2"),
+        VIEW,
+        "if message.seq <= now.seq:",
+        "if message.seq == now.seq:",
     ),
     Bug(
         "the clock of an effect is never reset",
-        "nutrunner",
-        0,
-        "I2",
+        Seed("nutrunner", 0, "I2"),
         (
             Edit(
                 "runner/monitor.py",
@@ -75,18 +122,14 @@ BUGS = (
     ),
     _one(
         "an answer to an old question is taken",
-        STATION,
-        3,
-        "I8",
+        Seed("nutrunner", 6, "I8"),
         STEP,
         "if asked is None or asked.revision != revision:",
         "if asked is None:",
     ),
     Bug(
         "published before it is in the journal",
-        "nutrunner",
-        0,
-        "I5",
+        Seed("nutrunner", 0, "I5"),
         (
             Edit("simulate/process.py", "        self._write(event)\n        self._moment(Moment.WRITTEN)\n", ""),
             Edit(
@@ -96,40 +139,32 @@ BUGS = (
             ),
         ),
     ),
-    _one("a hub obeys an old epoch", "nutrunner", 1, "fence", HUB, "if message.epoch < now.epoch:", "if False:"),
-    _one("a hub obeys an overtaken goal", "nutrunner", 1, "fence", HUB, "if message.seq < now.seq:", "if False:"),
+    _one("a hub obeys an old epoch", Seed("nutrunner", 1, "fence"), HUB, "if message.epoch < now.epoch:", "if False:"),
+    _one("a hub obeys an overtaken goal", Seed("nutrunner", 1, "fence"), HUB, "if message.seq < now.seq:", "if False:"),
     _one(
         "at a start goals come from the initial state, not from the mirror",
-        "nutrunner",
-        0,
-        "I3",
+        Seed("nutrunner", 0, "I3"),
         STEP,
         "self.believe({**state.measured, **state.mirror})",
         "self.believe({**state.measured})",
     ),
     _one(
         "commands do not wait for those that they depend on",
-        STATION,
-        0,
-        "true",
+        Seed(STATION, 0, "true"),
         STEP,
         "return all(name in self.now.lost or self.mirrors(name) for",
         "return all(True for",
     ),
     _one(
         "timed-out effects are planned on",
-        "nutrunner",
-        0,
-        "I7",
+        Seed("nutrunner", 0, "I7"),
         STEP,
         "disabled=frozenset(now.disabled),",
         "disabled=frozenset(),",
     ),
     _one(
         "the order of a plan is ignored",
-        "nutrunner",
-        11,
-        "I7",
+        Seed("nutrunner", 11, "I7"),
         "runner/decision.py",
         "waiting = (at for at in range(len(self.plan.trace.path)) if at not in self.done)\n"
         "        return tuple(at for at in waiting if self.done.issuperset(self.plan.after[at]))",
@@ -137,9 +172,7 @@ BUGS = (
     ),
     _one(
         "a torn record is read as a whole one",
-        "nutrunner",
-        0,
-        "Unreadable",
+        Seed("nutrunner", 0, "Unreadable"),
         "journal/framing.py",
         "        if written < body + length:\n            break\n        payload = data[body : body + length]\n"
         "        if crc32(payload, of_length) != of_payload:\n",
@@ -147,27 +180,21 @@ BUGS = (
     ),
     _one(
         "goals are sent under the old number",
-        "nutrunner",
-        0,
-        "I5",
+        Seed("nutrunner", 0, "I5"),
         STEP,
         "number = self.now.sequence[name] + 1",
         "number = self.now.sequence[name] or 1",
     ),
     _one(
         "nobody notices that a hub is silent",
-        "nutrunner",
-        1,
-        "I6",
+        Seed("nutrunner", 1, "I6"),
         STEP,
         "if limit is not None and hubs.silent(view, self.now.at, limit):",
         "if False:",
     ),
     Bug(
         "the gate lets everything pass, and goals are not taken from the mirror",
-        "nutrunner",
-        0,
-        "I3",
+        Seed("nutrunner", 0, "I3"),
         (
             Edit(
                 "runner/gate.py",
@@ -176,6 +203,85 @@ BUGS = (
             ),
             Edit(STEP, "self.believe({**state.measured, **state.mirror})", "self.believe({**state.measured})"),
         ),
+    ),
+    _one(
+        "failures are not counted",
+        Case(STATION, "e8_for_ever"),
+        STEP,
+        "failures[operation.name] = failures.get(operation.name, 0) + 1",
+        "failures[operation.name] = 1",
+    ),
+    _one(
+        "what an intention still owes is forgotten",
+        Story("test_intentions.py", "test_activating_what_is_pursued_already_forgets_nothing_that_is_owed"),
+        STEP,
+        "owed=progressed(formula, old, index))",
+        "owed=formula)",
+    ),
+    _one(
+        "post-conditions are worked out again when an operation goes on",
+        Story("test_intentions.py", "test_an_operation_that_goes_on_in_a_new_plan_keeps_the_post_condition_it_started_with"),
+        "runner/recovery.py",
+        "going_on.append(replace(execution, task=course.plan.tasks[at]))",
+        "going_on.extend(start(self.model, self.request.state, [course.plan.tasks[at]])[1])",
+    ),
+    _one(
+        "a confirmation counts for whatever is asked now",
+        Story("test_operator.py", "test_a_confirmation_said_again_confirms_nothing_that_was_asked_for_since"),
+        STEP,
+        '"""Done, says the operator. Confirming twice, or what is no longer wanted, changes nothing."""\n'
+        "        wish = self.now.wishes.get(request)",
+        "request, wish = next(reversed(self.now.wishes.items()), (request, None))",
+    ),
+    _one(
+        "maintenance counts as confirmed when it is asked for",
+        Story("test_step.py", "test_nothing_goes_on_under_the_hands_of_the_operator"),
+        STEP,
+        "self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name))",
+        "self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name, confirmed_at=now.at))",
+    ),
+    _one(
+        "a planner that begins anew takes the epoch that it finds",
+        Seed("door", 0, "I5"),
+        STEP,
+        "epoch = max(newest, now.epoch) + 1",
+        "epoch = max(newest, now.epoch, 1)",
+    ),
+    _one(
+        "a superseded planner goes on",
+        Seed("nutrunner", 0, "fence"),
+        STEP,
+        "or not hubs.superseded(view, now.epoch, now.planner):",
+        "or True:",
+    ),
+    _one(
+        "nobody is asked before a step out of a forbidden state",
+        Story("test_forbidden.py", "test_the_way_out_goes_on_when_the_intention_is_reached_on_it"),
+        STEP,
+        "if following.purpose is Purpose.EXIT and at not in following.approved:",
+        "if False:",
+    ),
+    _one(
+        "nobody notices that a hub is stuck",
+        Story("test_step.py", "test_a_hub_that_speaks_but_does_not_mirror_is_lost"),
+        STEP,
+        "elif stuck := hubs.stuck(view, resource.mirror_within):",
+        "elif stuck := ():",
+    ),
+    Bug(
+        "resources that are lost are planned with and commanded",
+        Seed("nutrunner", 1, "I6"),
+        (
+            Edit(STEP, "lost=frozenset(now.lost),", "lost=frozenset(),"),
+            Edit(STEP, "(name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner))", "False"),
+        ),
+    ),
+    _one(
+        "automatic transitions wait while a plan is followed",
+        Seed("nutrunner", 0, "I8"),
+        STEP,
+        "if due is None or self.now.halted == UNSETTLED:",
+        "if due is None or self.now.following or self.now.halted == UNSETTLED:",
     ),
 )
 
@@ -191,23 +297,32 @@ def planted(bug: Bug | None, folder: Path) -> Path:
     return folder
 
 
-def run(folder: Path, scenario: str, seeds: list[int]) -> subprocess.CompletedProcess[str]:
-    """These seeds on the package in a folder, in a process of its own."""
-    seeds_py = Path(__file__).with_name("seeds.py")
+def run(folder: Path, finder: Finder) -> subprocess.CompletedProcess[str]:
+    """What finds a bug, on the package in a folder, in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(folder), "PYTHONDONTWRITEBYTECODE": "1"}
-    command = [sys.executable, str(seeds_py), scenario, *map(str, seeds)]
-    return subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    command = [sys.executable, "-P", *finder.command]  # not the package in the current folder
+    return subprocess.run(command, env=environment, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
-def main(name: str, scenario: str, last: str) -> None:
+def finds(done: subprocess.CompletedProcess[str], finder: Finder) -> bool:
+    return done.returncode == 1 and finder.shown in done.stdout + done.stderr
+
+
+def main(name: str, *search: str) -> None:
+    """Whether each bug is found by what is said to find it; or, with a scenario and a number, by which of so many seeds."""
     for bug in BUGS:
         if name not in ("all", bug.name):
             continue
         with tempfile.TemporaryDirectory() as folder:
-            done = run(planted(bug, Path(folder)), scenario, list(range(int(last))))
-        lines = [line.strip() for line in done.stdout.splitlines() if line.startswith("  seed") and "only" not in line]
-        words = [*lines[:1], *done.stderr.splitlines()[-1:]] if done.returncode else []
-        print(f"{bug.name}: {'; '.join(words)[:300] or 'NOT FOUND'}", flush=True)
+            planted(bug, Path(folder))
+            finders: list[Finder] = [Seed(search[0], at, "?") for at in range(int(search[1]))] if search else [bug.finder]
+            for finder in finders:
+                done = run(Path(folder), finder)
+                lines = [line.strip() for line in done.stdout.splitlines() if ": " in line and "only" not in line]
+                words = [*lines[:1], *done.stderr.splitlines()[-1:]]
+                if done.returncode == 1 and (search or finds(done, finder)) and words:
+                    break
+        print(f"{bug.name}: {finder} {'; '.join(words)[:200] if done.returncode else 'NOT FOUND'}", flush=True)
 
 
 if __name__ == "__main__":
