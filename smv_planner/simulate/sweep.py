@@ -85,7 +85,7 @@ def killed(point: Point, make: Make, done: Done, until: float) -> Iterator[str]:
         world.start_planner("planner-2", world.disk)
 
     world.kill = kill
-    world.run(until, stop=lambda: done(world.situation))
+    world.run(until, stop=lambda: done(world.situation) and world.process.alive)  # what a dead process knew does not count
     where = f"killed at moment {point.number} ({point.moment})"
     yield from (f"{where}: {violation}" for violation in observer.violations)
     if len(world.processes) != 2:
