@@ -320,9 +320,10 @@ def main(name: str, *search: str) -> None:
                 done = run(Path(folder), finder)
                 lines = [line.strip() for line in done.stdout.splitlines() if ": " in line and "only" not in line]
                 words = [*lines[:1], *done.stderr.splitlines()[-1:]]
-                if done.returncode == 1 and (search or finds(done, finder)) and words:
+                found = done.returncode == 1 and bool(words) if search else finds(done, finder)
+                if found:
                     break
-        print(f"{bug.name}: {finder} {'; '.join(words)[:200] if done.returncode else 'NOT FOUND'}", flush=True)
+        print(f"{bug.name}: {finder} {'; '.join(words)[:200] if found else 'NOT FOUND'}", flush=True)
 
 
 if __name__ == "__main__":
