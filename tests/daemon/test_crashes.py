@@ -31,6 +31,9 @@ def endpoint() -> Iterator[str]:
         yield where
 
 
+KILLS = int(os.environ.get("SMV_PLANNER_TEST_KILLS", "50"))
+"""So often is the planner killed in the long run, 200 times is a run of its own."""
+
 GIVEN = {name: case.given for name, (_, case) in cases(ASSEMBLY, load).items() if name in ("e4", "e9")}
 """Where the work begins: in e4 one bolt is left to do, in e9 four."""
 
@@ -89,8 +92,9 @@ def test_a_planner_killed_again_and_again_gets_the_job_done_and_commands_nothing
 
 @pytest.mark.long
 @pytest.mark.parametrize("here", ["e9"], indirect=True)
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(KILLS // 10))
 def test_a_planner_killed_fifty_times(here: Station, seed: int) -> None:
+    """Ten times while it does one job, and that again and again."""
     survives(here, 10, seed)
 
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import gc
 import json
+import logging
+import sys
 import threading
 from dataclasses import dataclass, field
 from typing import Any
@@ -15,12 +18,13 @@ from daemon.stations import ROOT, load
 from bridge import keys
 from smv_planner import api
 from smv_planner.daemon import chronicle, documents
-from smv_planner.daemon.loop import Daemon
+from smv_planner.daemon.loop import Daemon, Waiting
 from smv_planner.daemon.schema import schemas
 from smv_planner.errors import UsageError
+from smv_planner.journal.folder import LIMIT
 from smv_planner.protocol import hub as hubs
 from smv_planner.protocol.messages import Rejected, decode_goal, encode
-from smv_planner.runner.events import Began
+from smv_planner.runner.events import Assign, Began
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import recover
 from smv_planner.runner.situation import Phase, Station, at_rest
@@ -39,6 +43,7 @@ class Bench:
 
     log: list[tuple[str, str]] = field(default_factory=list)
     now: float = 100.0
+    limit: int = LIMIT
 
     def __post_init__(self) -> None:
         self.link, self.disk, self.planners = MemoryLink(self.log), LoggedDisk(log=self.log), LaterPlanners()
@@ -53,7 +58,7 @@ class Bench:
     def begin(self, planner: str) -> None:
         """A process of the planner; what was before is gone."""
         self.planners = LaterPlanners()
-        found, situation, _ = chronicle.opened(self.disk, STATION, KNOWN, at_rest(STATION))
+        found, situation, _ = chronicle.opened(self.disk, STATION, KNOWN, at_rest(STATION), self.limit)
         self.daemon = Daemon(STATION, situation, self.link, found, self.planners, threading.Event(), lambda: self.now)
         self.daemon.turn([Began(self.daemon.at(self.now), planner)])
 
@@ -252,6 +257,39 @@ def test_events_that_were_missed_can_be_asked_for(bench: Bench) -> None:
     assert [event["number"] for event in events] == list(range(1, len(events) + 1))
     last = {"planner": "one", "after": len(events) - 1}
     assert json.loads(bench.link.ask(keys.event("door"), documents.encoded(last))) == events[-1:]
+
+
+@pytest.mark.parametrize("ticks", [10**4, pytest.param(10**5, marks=pytest.mark.long)])
+def test_memory_stays_flat_however_long_it_runs(ticks: int, caplog: pytest.LogCaptureFixture) -> None:
+    """Commands are repeated, journals begun anew, orders taken, hubs restarted, nonsense refused, and nothing of it is kept."""
+    caplog.set_level(logging.CRITICAL, "smv_planner.daemon")  # what pytest catches it keeps
+    bench = Bench(limit=64 * 1024)
+    bench.until_running()
+    name = next(iter(bench.hubs))
+    own = next(v for v in MODEL.variables if v.resource is None)
+    blocks = []
+    for tick in range(ticks):
+        match tick % 6:
+            case 0:
+                value = own.domain.values[tick // 6 % 2]
+                waiting = Waiting(Assign({own.name: value}))
+                bench.daemon._waiting.append(waiting)
+            case 2:
+                bench.link.arrive(keys.state("door", name), b"nonsense")
+                bench.link.arrive(keys.state("door", f"stranger{tick}"), b"nonsense")
+            case 4:
+                initial = {goal: bench.initial[goal] for goal in STATION.interfaces[name].goals}
+                bench.hubs[name] = hubs.start(STATION.interfaces[name], f"{name}-{tick}", bench.now, initial)
+        bench.pass_time()
+        bench.log.clear()
+        bench.planners.asked.clear()  # what planners remember is theirs
+        if tick in (ticks // 2, ticks - 1):
+            gc.collect()
+            blocks.append(sys.getallocatedblocks())
+    assert bench.daemon.pulse.ticks >= ticks
+    assert bench.daemon.chronicle.journal._header.segment > ticks // 1000, "journals were begun anew"
+    assert bench.daemon.pulse.counts["event rebooted"] > ticks // 10
+    assert blocks[1] - blocks[0] < ticks // 20
 
 
 def _other() -> Any:
