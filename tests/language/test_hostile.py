@@ -11,7 +11,7 @@ from smv_planner.errors import ModelError, UsageError
 from smv_planner.language import formula, load, loads, predicate
 
 SOON = 5.0
-"""Seconds. They take hundredths; a slow machine is not what is tested."""
+"""Seconds of processor time. They take tenths at most; a slow machine is not what is tested."""
 
 MIB = 1 << 20
 HEAD = "smv_planner: 1\nname: x\n"
@@ -85,10 +85,10 @@ TEXTS = {
 
 @pytest.mark.parametrize(("text", "message"), TEXTS.values(), ids=TEXTS)
 def test_a_hostile_text_is_refused_soon(text, message):
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(ModelError) as caught:
         loads(text)
-    assert time.monotonic() - start < SOON
+    assert time.process_time() - start < SOON
     assert any(mistake.message.startswith(message) for mistake in caught.value.mistakes)
     assert len(caught.value.mistakes) <= 1001
     assert len(str(caught.value)) < MIB
@@ -151,10 +151,10 @@ def test_a_hostile_formula_is_refused_soon(text, message):
 
 
 def refused_soon(read, text, message):
-    start = time.monotonic()
+    start = time.process_time()
     with pytest.raises(UsageError) as caught:
         read(MODEL, text)
-    assert time.monotonic() - start < SOON
+    assert time.process_time() - start < SOON
     assert caught.value.mistakes[0].message.startswith(message)
 
 

@@ -47,6 +47,11 @@ def automatically(problem: Problem) -> Verdict:
     return auto.ask(problem, LIMITS)
 
 
+def without_arguments(answer: Answer) -> Answer:
+    """Who is asked again may have a shorter proof of the same."""
+    return replace(answer, reason=None, proof=None, arguments=(), warnings=())
+
+
 def test_what_was_asked_before_changes_no_answer():
     """Systems, widenings and tables are kept for the next question about a model; a model made anew has none of them."""
     several = 0
@@ -55,7 +60,7 @@ def test_what_was_asked_before_changes_no_answer():
         unavailable = [frozenset(), *(frozenset([t.name]) for t in warm.transitions[:3]), frozenset()]
         for disabled in unavailable:
             got = answered(warm, automatically, disabled)
-            assert got == answered(model(seed), automatically, disabled)
+            assert without_arguments(got) == without_arguments(answered(model(seed), automatically, disabled))
             several += len(got.stages) > 1
     assert several > 20
 
