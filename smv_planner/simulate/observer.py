@@ -114,7 +114,10 @@ class Observer(Watch):
         self.violations.append(Violation(self._at, rule, text))
 
     def _reign(self, process: Process) -> Reign:
-        return self._reigns.setdefault(id(process), Reign(written=process.written))
+        found = self._reigns.get(id(process))
+        if found is None:
+            found = self._reigns[id(process)] = Reign(written=process.written)
+        return found
 
     # --- what reaches a process
 
