@@ -66,6 +66,12 @@ PATIENCE = (0.5, 30.0)
 ASLEEP = 2.0
 """Seconds without any event after which the runner has slept: what it believes is from before, and so is its plan."""
 
+LEAP = 1_000_000
+"""No planner begins so often: an epoch so far ahead of ours is nobody's, and would leave none for us."""
+
+OUTVOTED = 5.0
+"""Seconds after which a planner that was fenced out, but whom all hubs obey all the same, takes that for a forgery."""
+
 OVERDUE = 60.0
 """Seconds until a question that nobody answers is put again."""
 
@@ -170,8 +176,8 @@ class _Turn:
         if now.phase is Phase.LISTENING:
             silent = {n for n, view in now.hubs.items() if view.state is None}
             if all(self.silent_at_start(name) for name in silent):
-                newest = max((view.state.epoch for view in now.hubs.values() if view.state), default=0)
-                epoch = max(newest, now.epoch) + 1
+                claimed = [view.state.epoch for view in now.hubs.values() if view.state]
+                epoch = max([now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)]) + 1
                 self.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0), published={})
                 for name in silent - set(now.lost):
                     self.lose(name, "has not spoken since the planner began")
@@ -220,15 +226,25 @@ class _Turn:
         if now.phase not in (Phase.JOINING, Phase.RUNNING) or not hubs.superseded(view, now.epoch, now.planner):
             return False
         assert view.state is not None
+        if view.state.epoch > now.epoch + LEAP:
+            if name not in now.lost:
+                self.lose(name, f"claims to obey epoch {view.state.epoch}, which nobody can have reached")
+            return False
         if view.state.epoch == now.epoch and now.phase is Phase.JOINING and now.planner > view.state.planner:
             self.set(epoch=now.epoch + 1, since=now.at, sequence=dict.fromkeys(now.hubs, 0), published={})
             self.note("joining", f"epoch {now.epoch + 1}: '{view.state.planner}' claims {now.epoch}", epoch=now.epoch + 1)
             return True
-        self.set(phase=Phase.FENCED_OUT, following=None, asked=None, cause=None)
+        self.set(phase=Phase.FENCED_OUT, since=now.at, following=None, asked=None, cause=None)
         self.keep_wishes(None)
         text = f"planner {view.state.planner} has taken over with epoch {view.state.epoch}; nothing is sent any more"
         self.note("alarm", text, planner=view.state.planner, epoch=view.state.epoch)
         return True
+
+    def outvoted(self) -> bool:
+        """Whether nobody but a single message has ever said that another planner has taken over."""
+        return self.now.at - self.now.since > OUTVOTED and all(
+            self.rules(view) and not self.silent_at_start(name) for name, view in self.now.hubs.items()
+        )
 
     # --- hearing --------------------------------------------------------------------------------------------
 
@@ -885,6 +901,9 @@ class _Turn:
 
     def advance(self) -> None:
         """Everything that follows from the situation as it is now."""
+        if self.now.phase is Phase.FENCED_OUT and self.outvoted():
+            self.note("alarm", "all hubs obey this planner all the same: joining anew")
+            self.begin(self.now.planner)
         if self.now.phase in (Phase.LISTENING, Phase.JOINING):
             self.take_over()
         if self.now.phase in (Phase.JOINING, Phase.RUNNING):

@@ -7,7 +7,9 @@ from dataclasses import replace
 from rig import TWO_ARMS, Rig
 from small_stations import edited
 
-from smv_planner.runner.events import Began
+from smv_planner.protocol import hub as hubs
+from smv_planner.protocol.messages import GoalMessage
+from smv_planner.runner.events import Began, Heard
 from smv_planner.runner.situation import Phase
 
 
@@ -73,3 +75,36 @@ def test_a_hub_that_has_never_spoken_is_waited_for_and_named():
     rig.wait(1.0)
     assert rig.now.phase is Phase.RUNNING
     assert rig.now.stuck is None
+
+
+def test_an_epoch_that_nobody_can_have_reached_is_not_outdone():
+    rig = Rig()
+    rig.hubs["right"] = replace(rig.hubs["right"], obeyed=_goal_of_another(rig, epoch=2**53 - 1))
+    rig.wait(5.0)
+    assert rig.now.epoch == 1
+    assert "right" in rig.now.lost
+
+
+def test_a_single_forged_message_does_not_silence_a_planner_for_good():
+    rig = Rig().begin()
+    forged = replace(rig.hubs["left"], obeyed=_goal_of_another(rig, epoch=77))
+    _, message = hubs.report(forged, rig.measured["left"], rig.at)
+    rig.do(Heard(rig.at, message))
+    assert rig.now.phase is Phase.FENCED_OUT
+    rig.hubs["left"] = replace(rig.hubs["left"], seq=forged.seq + 1)
+    rig.wait(8.0)
+    assert rig.now.phase is Phase.RUNNING
+    assert rig.now.epoch == 2
+
+
+def test_a_planner_that_a_newer_one_has_taken_over_from_stays_silent():
+    rig = Rig().begin()
+    rig.hubs["left"] = replace(rig.hubs["left"], obeyed=_goal_of_another(rig, epoch=77))
+    rig.wait(60.0)
+    assert rig.now.phase is Phase.FENCED_OUT
+
+
+def _goal_of_another(rig, epoch):
+    interface = rig.station.interfaces["left"]
+    values = {"left.to": "home", "right.to": "home"}
+    return GoalMessage(interface.cell, "left", epoch, 1, "other", interface.model, values)
