@@ -81,7 +81,7 @@ class Link(Protocol):
 
     @property
     def connected(self) -> bool:
-        """Whether there is a router now."""
+        """Whether there is a router now, and all is heard and answered that was to be."""
 
     def publish(self, key: str, payload: bytes) -> None:
         """Send without waiting; what cannot be sent is dropped."""
@@ -215,7 +215,8 @@ class _ZenohLink:
 
     @property
     def connected(self) -> bool:
-        return not self._session.is_closed() and bool(list(self._session.info.routers_zid()))
+        there = not self._session.is_closed() and bool(list(self._session.info.routers_zid()))
+        return there and all(reader.is_alive() for reader in self._readers)
 
     def publish(self, key: str, payload: bytes) -> None:
         import zenoh
@@ -298,7 +299,10 @@ class _ZenohLink:
                 except zenoh.ZError:  # closed
                     return
                 for each in burst:
-                    take(each)
+                    try:
+                        take(each)
+                    except Exception:  # whatever one message does, the next is for this thread, too
+                        traceback.print_exc()
                 time.sleep(PAUSE)
 
         reader = threading.Thread(target=read, name=name, daemon=True)
@@ -329,7 +333,7 @@ def _answered(key: str, query: zenoh.Query, function: Callable[[bytes], bytes]) 
             answer, refusal = b"", "this is a mistake in who answers; its log says more"
         with suppress(zenoh.ZError):  # who asked may be gone
             if refusal:
-                query.reply_err(refusal.encode())
+                query.reply_err(refusal.encode("utf-8", "backslashreplace"))  # it may quote what JSON can say and UTF-8 cannot
             else:
                 query.reply(key, answer)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 import threading
@@ -123,9 +124,9 @@ def test_of_several_who_answer_one_that_refuses_does_not_count(endpoint: str, on
             assert third.ask("cell/several") == b"here I am"
 
 
-def _refusal(link: Link, key: str) -> str | None:
+def _refusal(link: Link, key: str, payload: bytes = b"") -> str | None:
     try:
-        link.ask(key)
+        link.ask(key, payload)
     except LinkError as error:
         return str(error)
     return None
@@ -141,6 +142,32 @@ def test_a_mistake_in_an_answer_does_not_keep_others_from_asking(one: Link, othe
     with pytest.raises(LinkError, match="mistake"):
         other.ask("fragile", b"break")
     assert other.ask("fragile") == b"fine"
+
+
+def test_a_refusal_that_quotes_what_is_no_text_is_told(one: Link, other: Link) -> None:
+    """JSON may hold half a character."""
+
+    def answer(asked: bytes) -> bytes:
+        raise ValueError(f"nobody is named '{json.loads(asked)}'")
+
+    one.answer("surrogate", answer)
+    until(lambda: "nobody is named 'x'" in str(_refusal(other, "surrogate", b'"x"')))
+    assert _refusal(other, "surrogate", rb'"\ud800"') == r"nobody is named '\ud800'"
+    assert _refusal(other, "surrogate", b'"x"') == "nobody is named 'x'"
+    assert one.connected
+
+
+def test_a_reader_survives_whoever_it_wakes(one: Link, other: Link) -> None:
+    woken = threading.Semaphore(0)
+
+    def wake() -> None:
+        woken.release()
+        raise RuntimeError("who was woken fell over")
+
+    other.latest("broken", wake=wake)
+    for _ in range(3):
+        until(lambda: woken.acquire(timeout=0.05), lambda: one.publish("broken", b"x"))
+    assert other.connected
 
 
 def test_who_is_alive_is_listed_until_its_link_closes(endpoint: str, other: Link) -> None:
