@@ -279,6 +279,8 @@ class Daemon:
         for event in events:
             now, wanted = step(self.station, now, event)
             outputs += wanted
+        if now.phase not in (Phase.JOINING, Phase.RUNNING) or now.epoch != self.situation.epoch:
+            self._published.clear()  # whether it can be written or not: who rules no more has nothing to say again
         trouble = self.chronicle.trouble
         if not self.chronicle.write(self.situation, now, events, outputs):
             self._unwritten = [event for event in events if isinstance(event, Began | Answered)]

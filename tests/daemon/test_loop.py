@@ -7,7 +7,7 @@ import json
 import logging
 import sys
 import threading
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import jsonschema
@@ -167,6 +167,22 @@ def test_while_nothing_can_be_written_the_same_is_said_again(bench: Bench) -> No
     bench.pass_time()
     assert bench.daemon.health()["healthy"]
     assert bench.daemon.situation.at > before.at
+
+
+@pytest.mark.parametrize("full_before", [True, False])
+def test_who_was_fenced_out_says_nothing_again_whatever_the_disk_takes(bench: Bench, full_before: bool) -> None:
+    bench.disk.full = full_before
+    name, interface = next(iter(STATION.interfaces.items()))
+    measured = {variable: bench.initial[variable] for variable in interface.measured}
+    _, state = hubs.report(bench.hubs[name], measured, bench.now)
+    other = replace(state, epoch=bench.daemon.situation.epoch + 1, planner="other")
+    bench.link.published.clear()
+    bench.link.arrive(keys.state("door", name), encode(other))
+    bench.daemon.once(bench.now + 0.01)
+    bench.disk.full = True
+    for tick in (1, 2, 3):
+        bench.daemon.once(bench.now + tick * PERIOD)
+    assert not bench.goals()
 
 
 def test_a_decision_that_came_while_nothing_could_be_written_is_not_lost(bench: Bench) -> None:
