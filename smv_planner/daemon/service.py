@@ -10,12 +10,13 @@ import os
 import secrets
 import signal
 import threading
-from collections.abc import Mapping
+import time
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Any
 
-from bridge.link import LinkConfig, open_link
+from bridge.link import Link, LinkConfig, LinkError, open_link
 from smv_planner import api, language
 from smv_planner.daemon import chronicle as chronicles
 from smv_planner.daemon import logs, metrics
@@ -34,6 +35,10 @@ from smv_planner.runner.records import Known, Unreadable
 from smv_planner.runner.situation import Situation, Station, at_rest
 
 log = logging.getLogger("smv_planner.daemon")
+
+
+LOOK = 0.2
+"""So often is looked after signals while there is no router."""
 
 
 @dataclass
@@ -64,6 +69,7 @@ def serve(model: Model, path: str, config: Config, given: Mapping[str, Value]) -
     link = link_config(config)
     logs.begin(settings["log_format"], settings["log_level"])
     signals, following = Signals(), model
+    signals.listen()  # before there is anything to wait for: a SIGHUP that nobody listens to would kill us
     while not signals.stop:
         following = _reign(following, path, settings, link, signals, given)
 
@@ -90,8 +96,10 @@ def _reign(
         asking = job(known, settings["engine"], settings["deadline"], second, settings["journal"])
         worker = Worker(asking, known, alarm.set)
         stack.callback(worker.close)
-        link = stack.enter_context(open_link(where, settings["wait"]))
-        signals.listen()
+        link = opened(where, settings["wait"], signals, notify)
+        if link is None:
+            return model
+        stack.enter_context(link)
         daemon = Daemon(station, situation, link, chronicle, worker, alarm)
         stack.enter_context(metrics.served(daemon, settings["metrics"]))
         status = Status(settings["journal"], daemon.patience)
@@ -118,6 +126,20 @@ def _reign(
             return coming
         chronicle.close(daemon.situation)
     return model
+
+
+def opened(where: LinkConfig, wait: float, signals: Signals, notify: Callable[[str], None]) -> Link | None:
+    """A link as soon as there is a router; None if a signal ends the wait. Raises LinkError when it has been too long."""
+    ends = time.monotonic() + wait
+    while not signals.stop:
+        left = ends - time.monotonic()
+        try:
+            return open_link(where, max(0.0, min(left, LOOK)))
+        except LinkError:
+            if left <= LOOK:
+                raise
+        notify("WATCHDOG=1")  # we may have been ready before, under another scenario
+    return None
 
 
 def _begun(station: Station, given: Mapping[str, Value]) -> Situation:

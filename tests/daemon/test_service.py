@@ -6,6 +6,8 @@ import json
 import shutil
 import signal
 import socket
+import subprocess
+import sys
 import urllib.request
 from collections.abc import Iterator
 from pathlib import Path
@@ -75,6 +77,23 @@ def test_a_changed_scenario_is_taken_over_and_one_with_mistakes_is_not(here: Sta
     assert after["epoch"] > before["epoch"]
     assert own in after["intentions"]
     assert planner.end() == 0
+
+
+def test_signals_are_heard_while_there_is_no_router(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "smv_planner", "run", str(ROOT / "scenarios" / "door"), "--connect", free_endpoint()]
+    said = tmp_path / "said"
+    with said.open("wb") as out:
+        child = subprocess.Popen([*command, "--journal", str(tmp_path / "journal"), "--second-opinion", "none"], stderr=out)
+    try:
+        until(lambda: (tmp_path / "journal").exists(), "it has begun")
+        child.send_signal(signal.SIGHUP)
+        with pytest.raises(subprocess.TimeoutExpired):
+            child.wait(0.5)
+        child.send_signal(signal.SIGTERM)
+        assert child.wait(PATIENCE) == 0
+    finally:
+        child.kill()
+        child.wait()
 
 
 def test_people_ask_and_order_at_the_command_line(here: Station) -> None:
