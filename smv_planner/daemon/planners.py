@@ -109,7 +109,8 @@ class Worker:
 
     def _start(self) -> Process:
         self.starts += 1
-        command = [sys.executable, "-m", "smv_planner.daemon.worker"]
+        # -P: else a file of the folder in which the daemon was started could take the place of any module.
+        command = [sys.executable, "-P", "-m", "smv_planner.daemon.worker"]
         child = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
         process = Process(child)
         threading.Thread(target=self._talk, args=(process,), name="planners", daemon=True).start()
