@@ -25,7 +25,8 @@ def hub_name(resource: str) -> str:
 def access_control(cell: str, resources: Iterable[str]) -> dict[str, Any]:
     """For one planner, the hub of each resource, operators and spectators. Emulated hubs cannot be told to fail."""
     told = f"smv_planner/{cell}/*"
-    asked = [keys.order(cell), keys.health(cell)]
+    documents = [key(cell) for key in (keys.situation, keys.plan, keys.operator, keys.event, keys.health)]
+    asked = [keys.order(cell), *documents]
     rules: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []

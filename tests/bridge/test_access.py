@@ -4,45 +4,21 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
+from bridge_certificates import authority, certificate
 from bridge_wires import until
 
 from bridge import keys
 from bridge.access import OPERATOR, PLANNER, SPECTATOR, access_control, hub_name
-from bridge.endpoints import Tls
 from bridge.link import Link, LinkConfig, LinkError, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 
 pytestmark = pytest.mark.skipif(shutil.which("openssl") is None, reason="there is no openssl to make certificates with")
-
-
-def openssl(folder: Path, *arguments: str) -> None:
-    subprocess.run(["openssl", *arguments], cwd=folder, check=True, capture_output=True, timeout=60)
-
-
-def authority(folder: Path, name: str) -> None:
-    key = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes")
-    made = ("-keyout", f"{name}.key", "-out", f"{name}.pem", "-subj", f"/CN={name}", "-days", "2")
-    openssl(folder, "req", "-x509", *key, *made, "-addext", "keyUsage=critical,keyCertSign,cRLSign")
-
-
-def certificate(folder: Path, name: str, signed_by: str = "authority") -> Tls:
-    extensions = folder / f"{name}.ext"
-    extensions.write_text(
-        "subjectAltName=IP:127.0.0.1,DNS:localhost\nextendedKeyUsage=serverAuth,clientAuth\nbasicConstraints=CA:FALSE\n"
-    )
-    openssl(folder, "ecparam", "-name", "prime256v1", "-genkey", "-noout", "-out", f"{name}.sec1")
-    openssl(folder, "pkcs8", "-topk8", "-nocrypt", "-in", f"{name}.sec1", "-out", f"{name}.key")
-    openssl(folder, "req", "-new", "-key", f"{name}.key", "-subj", f"/CN={name}", "-out", f"{name}.csr")
-    by = ("-CA", f"{signed_by}.pem", "-CAkey", f"{signed_by}.key", "-CAcreateserial")
-    openssl(folder, "x509", "-req", "-in", f"{name}.csr", *by, "-days", "2", "-extfile", extensions.name, "-out", f"{name}.pem")
-    return Tls(str(folder / "authority.pem"), str(folder / f"{name}.pem"), str(folder / f"{name}.key"))
 
 
 @pytest.fixture(scope="module")
