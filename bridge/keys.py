@@ -10,6 +10,9 @@ import re
 
 from smv_planner.errors import Mistake, UsageError
 
+PLANNERS = "smv_planner/"
+"""How all keys begin where planners tell something and take orders."""
+
 
 def goal(cell: str, resource: str) -> str:
     """Goal messages, from the planner to the hub of a resource."""

@@ -21,6 +21,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
+from bridge import keys
 from bridge.endpoints import LOOPBACK, Tls, refuse_open
 from smv_planner.errors import EngineError, SmvPlannerError
 
@@ -28,7 +29,10 @@ if TYPE_CHECKING:
     import zenoh
 
 MAX_BYTES = 64 * 1024
-"""Longer payloads are not even copied; no message of ours is."""
+"""Longer messages between planner and hubs, and longer questions, are not even copied; none of ours is."""
+
+MAX_DOCUMENT = 1024 * 1024
+"""What planners tell everybody may be so long: of a large station it is more than any hub is told."""
 
 MAX_KEYS = 4096
 """So many keys does a mailbox remember, whatever a wildcard lets in."""
@@ -86,7 +90,7 @@ class Link(Protocol):
     def publish(self, key: str, payload: bytes) -> None:
         """Send without waiting; what cannot be sent is dropped."""
 
-    def latest(self, *keys: str, depth: int = 1, wake: Callable[[], None] | None = None) -> Mailbox:
+    def latest(self, *topics: str, depth: int = 1, wake: Callable[[], None] | None = None) -> Mailbox:
         """Listen to keys, which may be wild. `wake` is called in another thread when something arrives, and must be quick.
 
         What this very link publishes is not heard.
@@ -101,7 +105,7 @@ class Link(Protocol):
     def alive(self, key: str) -> None:
         """Be listed under this key as long as this link lives."""
 
-    def present(self, keys: str, timeout: float = 1.0) -> tuple[str, ...]:
+    def present(self, topic: str, timeout: float = 1.0) -> tuple[str, ...]:
         """Who is listed, sorted."""
 
     def close(self) -> None: ...
@@ -133,6 +137,11 @@ def open_link(config: LinkConfig | None = None, wait: float = 0.0) -> Link:
         time.sleep(min(0.1, max(0.0, until - time.monotonic())))
 
 
+def most(key: str) -> int:
+    """How many bytes may be published there."""
+    return MAX_DOCUMENT if key.startswith(keys.PLANNERS) else MAX_BYTES
+
+
 def settings(values: dict[str, object]) -> zenoh.Config:
     """What all our sessions have in common, and `values`."""
     import zenoh
@@ -142,7 +151,7 @@ def settings(values: dict[str, object]) -> zenoh.Config:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": False,
         "transport/shared_memory/enabled": False,
-        "transport/link/rx/max_message_size": 1 << 20,
+        "transport/link/rx/max_message_size": 2 * MAX_DOCUMENT,  # with what Zenoh adds to it
         "adminspace/enabled": False,
     }
     for path, value in {**common, **values}.items():
@@ -231,11 +240,11 @@ class _ZenohLink:
         except zenoh.ZError as error:
             raise LinkError(f"cannot publish on '{key}': {_first(error)}") from error
 
-    def latest(self, *keys: str, depth: int = 1, wake: Callable[[], None] | None = None) -> Mailbox:
+    def latest(self, *topics: str, depth: int = 1, wake: Callable[[], None] | None = None) -> Mailbox:
         import zenoh
 
         mailbox = LatestMailbox(depth, wake)
-        for key in keys:
+        for key in topics:
             ring: Any = zenoh.handlers.RingChannel(WILD_RING if "*" in key else depth)
             subscriber = self._session.declare_subscriber(key, ring, allowed_origin=zenoh.Locality.REMOTE)
             self._kept.append(subscriber)
@@ -270,8 +279,8 @@ class _ZenohLink:
     def alive(self, key: str) -> None:
         self._kept.append(self._session.liveliness().declare_token(key))
 
-    def present(self, keys: str, timeout: float = 1.0) -> tuple[str, ...]:
-        replies = self._session.liveliness().get(keys, timeout=timeout)
+    def present(self, topic: str, timeout: float = 1.0) -> tuple[str, ...]:
+        replies = self._session.liveliness().get(topic, timeout=timeout)
         return tuple(sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
 
     def close(self) -> None:
@@ -311,10 +320,11 @@ class _ZenohLink:
 
 
 def _keep(mailbox: LatestMailbox, sample: zenoh.Sample) -> None:
-    if len(sample.payload) > MAX_BYTES:
+    key = str(sample.key_expr)
+    if len(sample.payload) > most(key):
         mailbox.refuse("oversize")
     else:
-        mailbox.put(str(sample.key_expr), sample.payload.to_bytes())
+        mailbox.put(key, sample.payload.to_bytes())
 
 
 def _answered(key: str, query: zenoh.Query, function: Callable[[bytes], bytes]) -> None:

@@ -13,13 +13,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from bridge.endpoints import LOOPBACK, Tls, refuse_open
-from bridge.link import MAX_BYTES, LinkError, settings
+from bridge.link import MAX_BYTES, MAX_DOCUMENT, LinkError, settings
 from smv_planner.errors import Mistake, UsageError
 
 
 @dataclass(frozen=True, slots=True)
 class RouterConfig:
-    """`access` is a JSON file with Zenoh's `access_control`. Payloads above 64 KiB do not pass."""
+    """`access` is a JSON file with Zenoh's `access_control`.
+
+    Between planner and hubs, and in questions, payloads above 64 KiB do not pass; elsewhere none above 1 MiB do.
+    """
 
     listen: tuple[str, ...] = (LOOPBACK,)
     tls: Tls | None = None
@@ -59,14 +62,11 @@ def _values(config: RouterConfig) -> dict[str, object]:
         "mode": "router",
         "listen/endpoints": list(config.listen),
         "transport/link/tx/lease": 2000,
+        # Of several that fit a key, the least counts. Who reads judges once more, for what is put to "**" passes by the first.
         "low_pass_filter": [
-            {
-                "id": "size",
-                "flows": ["ingress"],
-                "messages": ["put", "delete", "query", "reply"],
-                "key_exprs": ["**"],
-                "size_limit": MAX_BYTES,
-            }
+            _at_most(MAX_DOCUMENT, "documents", ["put", "delete", "reply"], "**"),
+            _at_most(MAX_BYTES, "questions", ["query"], "**"),
+            _at_most(MAX_BYTES, "hubs", ["put", "delete", "reply"], "smv/**"),
         ],
     }
     if config.tls:
@@ -80,6 +80,10 @@ def _values(config: RouterConfig) -> dict[str, object]:
     if config.access:
         values["access_control"] = _access(config.access)
     return values
+
+
+def _at_most(size: int, name: str, messages: list[str], key: str) -> dict[str, object]:
+    return {"id": name, "flows": ["ingress"], "messages": messages, "key_exprs": [key], "size_limit": size}
 
 
 def _access(path: str) -> object:

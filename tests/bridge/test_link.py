@@ -12,8 +12,9 @@ from pathlib import Path
 
 import pytest
 
+from bridge import keys
 from bridge.endpoints import Tls, is_local
-from bridge.link import MAX_BYTES, Link, LinkConfig, LinkError, open_link
+from bridge.link import MAX_BYTES, MAX_DOCUMENT, Link, LinkConfig, LinkError, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 
@@ -85,14 +86,23 @@ def test_whoever_waits_is_woken_by_a_call(one: Link, other: Link) -> None:
     until(woken.is_set, lambda: one.publish("wake", b"x"))
 
 
-def test_a_payload_that_is_too_long_passes_nowhere(one: Link, other: Link) -> None:
-    mailbox = other.latest("long")
-    until(lambda: mailbox.wait(0.05), lambda: one.publish("long", b"x"))
-    mailbox.drain()
-    one.publish("long", b"x" * (MAX_BYTES * 2))
-    one.publish("long", b"after")
-    until(lambda: mailbox.drain() == [("long", b"after")])
+@pytest.mark.parametrize(("key", "most"), [(keys.goal("cell", "r1"), MAX_BYTES), (keys.situation("cell"), MAX_DOCUMENT)])
+def test_a_payload_that_is_too_long_passes_nowhere(key: str, most: int, one: Link, other: Link) -> None:
+    """What planners tell everybody may be longer than what a hub is told."""
+    mailbox = other.latest(key)
+    until(lambda: mailbox.wait(0.05), lambda: one.publish(key, b"x"))
+    longest = b"x" * most
+    until(lambda: mailbox.drain() == [(key, longest)], lambda: one.publish(key, longest))
+    one.publish(key, longest + b"x")
+    until(lambda: mailbox.drain() == [(key, b"after")], lambda: one.publish(key, b"after"))
     assert mailbox.refused["oversize"] == 0  # the router of ours has not even passed it on
+
+
+def test_a_long_payload_to_a_wild_key_is_not_read(one: Link, other: Link) -> None:
+    mailbox = other.latest(keys.goal("cell", "r1"), depth=1000)
+    until(lambda: mailbox.wait(0.05), lambda: one.publish("**", b"x"))
+    until(lambda: mailbox.refused["oversize"] > 0, lambda: one.publish("**", b"x" * (MAX_BYTES + 1)))
+    assert {len(payload) for _, payload in mailbox.drain()} == {1}
 
 
 def test_questions_are_answered_and_refusals_say_why(one: Link, other: Link) -> None:
