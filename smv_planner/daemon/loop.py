@@ -54,6 +54,9 @@ RECENT = 1000
 BREATH = 0.002
 """Seconds between turns, so that a flood of messages is taken in lots."""
 
+IDLE = 0.5
+"""Seconds after which the loop looks around at the latest, however long the period is."""
+
 ANSWER = 5.0
 """Seconds that who orders something waits until it is in the journal."""
 
@@ -82,7 +85,10 @@ class Pulse:
 
 
 class Daemon:
-    """`alarm` is set by whoever has something for the loop. `ticked` is called after each tick."""
+    """`alarm` is set by whoever has something for the loop.
+
+    `turned` is called after each turn that `run` takes, `ticked` after each tick.
+    """
 
     def __init__(
         self,
@@ -94,10 +100,12 @@ class Daemon:
         alarm: threading.Event,
         clock: Callable[[], float] = time.monotonic,
         ticked: Callable[[], None] = lambda: None,
+        turned: Callable[[], None] = lambda: None,
     ) -> None:
         self.station, self.link = station, link
         self.situation = replace(situation, phase=Phase.STOPPED)  # whatever it was, this process has not begun
-        self.chronicle, self.planners, self.alarm, self.clock, self.ticked = chronicle, planners, alarm, clock, ticked
+        self.chronicle, self.planners, self.alarm = chronicle, planners, alarm
+        self.clock, self.ticked, self.turned = clock, ticked, turned
         self.pulse = Pulse()
         self.stopping = False
         self._zero = clock() - situation.at  # time goes on from where the journal ends
@@ -197,9 +205,10 @@ class Daemon:
         self._due = self.clock()
         self.turn([Began(self.at(self._due), planner)])
         while not self.stopping:
-            self.alarm.wait(max(0.0, self._due - self.clock()))
+            self.alarm.wait(min(IDLE, max(0.0, self._due - self.clock())))
             self.alarm.clear()
             self.once(self.clock())
+            self.turned()
             time.sleep(BREATH)
 
     def at(self, clock: float) -> float:

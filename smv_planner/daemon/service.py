@@ -88,8 +88,10 @@ def _reign(
             folder = Folder(settings["journal"])
             stack.callback(folder.close)
             chronicle, situation, torn = chronicles.opened(folder, station, known, _begun(station, given))
-        except (Refused, Unwritten, Unreadable) as error:
+        except (Refused, Unreadable) as error:
             raise UsageError([Mistake(str(error), "--journal names another folder")]) from error
+        except Unwritten as error:  # a full disk may have room again: worth another start
+            raise EngineError(str(error)) from error
         if torn:
             log.warning("%d bytes that a crash left unfinished were cut off the journal", torn)
         alarm = threading.Event()
@@ -106,17 +108,21 @@ def _reign(
         stack.callback(status.clear)
         coming: Model | None = None
 
+        def turned() -> None:
+            notify("WATCHDOG=1")
+            if signals.stop:
+                daemon.stop()
+
         def ticked() -> None:
             nonlocal coming
-            notify("WATCHDOG=1")
             status.tell(daemon.health())
             if signals.reload:
                 signals.reload = False
                 coming = _reloaded(path, model)
-            if signals.stop or (coming is not None and not daemon.situation.executing):
+            if coming is not None and not daemon.situation.executing:
                 daemon.stop()
 
-        daemon.ticked = ticked
+        daemon.ticked, daemon.turned = ticked, turned
         log.info("cell '%s', model %s, process %d", cell, model.hash[:12], os.getpid())
         notify("READY=1")
         daemon.run(f"planner-{secrets.token_hex(4)}")

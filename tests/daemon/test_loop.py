@@ -214,6 +214,22 @@ def test_after_a_standstill_hubs_speak_first(bench: Bench) -> None:
     assert bench.daemon.pulse.missed > 0
 
 
+def test_however_long_the_period_is_the_loop_shows_that_it_turns(bench: Bench) -> None:
+    slow = replace(STATION, model=replace(MODEL, period=1000.0))
+    found, situation, _ = chronicle.opened(bench.disk, STATION, KNOWN, at_rest(STATION))
+    daemon = Daemon(slow, situation, bench.link, found, bench.planners, threading.Event())
+    turns = []
+
+    def turned() -> None:
+        turns.append(daemon.pulse.ticks)
+        if len(turns) == 3:
+            daemon.stop()
+
+    daemon.turned = turned
+    daemon.run("two")
+    assert turns == [1, 1, 1]
+
+
 def test_without_a_router_the_loop_goes_on(bench: Bench) -> None:
     bench.link.broken = True
     bench.pass_time()
