@@ -125,6 +125,7 @@ class Campaign:
     def run(self) -> Report:
         world = self.world
         world.run(self.trouble)
+        world.at = self.trouble  # the last that happened was a little before
         world.run(2 * self.trouble, stop=lambda: self.done >= self.steps)  # where little goes on, it takes longer to see enough
         self.calm()
         peaceful = world.at
