@@ -57,6 +57,9 @@ BREATH = 0.002
 IDLE = 0.5
 """Seconds after which the loop looks around at the latest, however long the period is."""
 
+FAILURES = 3
+"""So many decisions in a row that did not come about are more than a bad moment."""
+
 ANSWER = 5.0
 """Seconds that who orders something waits until it is in the journal."""
 
@@ -115,6 +118,7 @@ class Daemon:
         self._said: dict[str, Mapping[str, Any]] = {}
         self._waiting: deque[Waiting] = deque()
         self._unwritten: list[Began | Answered] = []
+        self._undecided = 0
         self._events = 0
         self._recent: deque[tuple[int, bytes]] = deque(maxlen=RECENT)
         cell = station.cell
@@ -184,13 +188,25 @@ class Daemon:
             wrong.append(f"the last tick was {age:.1f} s ago")
         if self.chronicle.trouble:
             wrong.append(self.chronicle.trouble)
+        connected = self.link.connected
+        if not connected:
+            wrong.append("there is no router")
         if now.phase is Phase.FENCED_OUT:
             wrong.append("another planner has taken over")
+        if now.hubs and all(name in now.lost for name in now.hubs):
+            wrong.append("all resources are lost")
+        if self._undecided >= FAILURES:
+            wrong.append(f"{self._undecided} decisions in a row did not come about")
+        if now.stuck:
+            wrong.append(now.stuck)
         return {
             **documents.head("health", self.station, now),
             "healthy": not wrong,
             "wrong": wrong,
             "phase": now.phase.value,
+            "connected": connected,
+            "halted": now.halted,
+            "worker_starts": self.planners.starts,
             "ticks": self.pulse.ticks,
             "tick_age": round(age, 3),
             "missed": self.pulse.missed,
@@ -273,6 +289,7 @@ class Daemon:
             if isinstance(reply, Opinion):
                 self.opinion(reply)
             else:
+                self._undecided = self._undecided + 1 if reply[1].undecided else 0
                 found.append(Answered(at, *reply))
         return found
 

@@ -56,7 +56,10 @@ def text(daemon: Daemon) -> str:
         for labels, value in values:
             lines.append(f'smv_planner_{name}{{cell="{cell}"{labels}}} {value:g}')
 
-    metric("healthy", "gauge", "Whether all is well.", ("", daemon.health()["healthy"]))
+    health = daemon.health()
+    metric("healthy", "gauge", "Whether all is well.", ("", health["healthy"]))
+    metric("connected", "gauge", "Whether there is a router.", ("", health["connected"]))
+    metric("worker_starts_total", "counter", "Processes begun that plan.", ("", health["worker_starts"]))
     metric("phase", "gauge", "The phase it is in.", (f',phase="{now.phase.value}"', 1))
     metric("epoch", "gauge", "The epoch that hubs obey.", ("", now.epoch))
     metric("ticks_total", "counter", "Ticks.", ("", pulse.ticks))

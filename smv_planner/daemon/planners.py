@@ -36,7 +36,9 @@ Reply = tuple[int, Decision] | Opinion
 
 
 class Planners(Protocol):
-    """Who decides. Nothing here blocks."""
+    """Who decides. Nothing here blocks. `starts` counts the processes that were begun for it."""
+
+    starts: int
 
     def ask(self, revision: int, request: Request) -> None:
         """A question; an older one that is open is void."""

@@ -88,6 +88,7 @@ class LaterPlanners:
 
     asked: list[tuple[int, Request]] = field(default_factory=list)
     come: list[Reply] = field(default_factory=list)
+    starts: int = 1
 
     def ask(self, revision: int, request: Request) -> None:
         self.asked.append((revision, request))

@@ -18,12 +18,13 @@ from daemon.stations import ROOT, load
 from bridge import keys
 from smv_planner import api
 from smv_planner.daemon import chronicle, documents
-from smv_planner.daemon.loop import Daemon, Waiting
+from smv_planner.daemon.loop import FAILURES, Daemon, Waiting
 from smv_planner.daemon.schema import schemas
 from smv_planner.errors import UsageError
 from smv_planner.journal.folder import LIMIT
 from smv_planner.protocol import hub as hubs
 from smv_planner.protocol.messages import Rejected, decode_goal, encode
+from smv_planner.runner.decision import Decision
 from smv_planner.runner.events import Assign, Began
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import recover
@@ -236,6 +237,42 @@ def test_without_a_router_the_loop_goes_on(bench: Bench) -> None:
     bench.link.broken = False
     bench.pass_time()
     assert bench.goals()
+
+
+def test_who_asks_for_its_health_hears_what_is_wrong(bench: Bench) -> None:
+    def wrong() -> str:
+        return "; ".join(bench.daemon.health()["wrong"])
+
+    assert not wrong()
+    bench.link.connected = False
+    assert "no router" in wrong()
+    bench.link.connected = True
+
+    bench.order(order="start", intention=MODEL.intentions[0].name)
+    for _ in range(FAILURES):
+        assert "in a row" not in wrong()
+        asked = len(bench.planners.asked)
+        bench.planners.answer(lambda request: Decision(undecided="the engine is broken"))
+        for _ in range(1000):
+            bench.pass_time()
+            if len(bench.planners.asked) > asked:
+                break
+    assert "in a row" in wrong()
+    bench.planners.answer(lambda request: recover(MODEL, request, PLANNERS))
+    bench.pass_time()
+    assert not wrong()
+
+    for tick in range(100):
+        bench.daemon.once(bench.now + tick * PERIOD)
+    assert "all resources are lost" in wrong()
+
+
+def test_waiting_for_a_hub_that_never_speaks_is_not_well() -> None:
+    bench = Bench()
+    for tick in range(100):
+        bench.daemon.once(bench.now + tick * PERIOD)
+    assert bench.daemon.situation.phase is Phase.JOINING
+    assert any("has never spoken" in each for each in bench.daemon.health()["wrong"])
 
 
 @pytest.mark.parametrize(
