@@ -39,6 +39,7 @@ test-long: lint ## lint, then all tests, also those that take minutes
 bench: setup ## measure engines and checks on the questions that they are judged by
 	$(BIN)/python -m tests.bench.bench
 	$(BIN)/python -m tests.bench.load
+	$(BIN)/python -m tests.bench.mirror
 
 lint: setup ## ruff, mypy and the import contracts; runs all three, fails if one does
 	@failed=; for check in "ruff check ." "mypy" "lint-imports"; do \
