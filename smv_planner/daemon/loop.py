@@ -16,7 +16,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bridge import keys
-from bridge.link import MAX_BYTES, Link, LinkError
+from bridge.link import MAX_DOCUMENT, Link, LinkError, most
 from smv_planner.daemon import documents, orders
 from smv_planner.daemon.chronicle import Chronicle
 from smv_planner.daemon.planners import Opinion, Planners
@@ -153,7 +153,10 @@ class Daemon:
     def document(self, made: Document) -> bytes:
         """As of now. Raises UsageError from one that rules no more."""
         self.leave_it_to_the_other()
-        return documents.encoded(made(self.station, self.situation))
+        document = documents.encoded(made(self.station, self.situation))
+        if len(document) > MAX_DOCUMENT:
+            raise ValueError(f"the answer has {len(document)} bytes, and at most {MAX_DOCUMENT} get through")
+        return document
 
     def leave_it_to_the_other(self) -> None:
         if self.situation.phase is Phase.FENCED_OUT:
@@ -170,7 +173,7 @@ class Daemon:
         for number, each in list(self._recent):
             if number > after:
                 size += len(each) + 1
-                if size > MAX_BYTES // 2:
+                if size > MAX_DOCUMENT // 2:
                     break
                 fitting.append(each)
         return b"[" + b",".join(fitting) + b"]"
@@ -376,6 +379,11 @@ class Daemon:
         }
 
     def publish(self, key: str, payload: bytes) -> None:
+        if len(payload) > most(key):  # the router would drop it without a word
+            if not self.pulse.counts["oversize"]:
+                log.error("%d bytes for '%s' are too many, at most %d get through: not published", len(payload), key, most(key))
+            self.pulse.counts["oversize"] += 1
+            return
         try:
             self.link.publish(key, payload)
         except LinkError as error:  # the next period says it again

@@ -25,12 +25,14 @@ from smv_planner.daemon.loop import Daemon
 from smv_planner.daemon.notify import Notify
 from smv_planner.daemon.planners import Worker, job
 from smv_planner.daemon.reload import changes, moved
+from smv_planner.daemon.sizes import too_large
 from smv_planner.daemon.status import Status
 from smv_planner.engines import ENGINES
 from smv_planner.errors import EngineError, Mistake, MistakesError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
+from smv_planner.protocol.interface import interfaces
 from smv_planner.runner.records import Known, Unreadable
 from smv_planner.runner.situation import Situation, Station, at_rest
 
@@ -80,6 +82,8 @@ def _reign(
     """One model's time; the model to go on with, unless it is all over."""
     cell: str = settings["cell"]
     station = Station(model, api.widened(model), cell)
+    if mistakes := list(too_large(station.interfaces)):
+        raise UsageError(mistakes)
     known = Known(model, api.widened_system)
     second = _second(settings["engine"], settings["second_opinion"])
     notify = Notify()
@@ -118,7 +122,7 @@ def _reign(
             status.tell(daemon.health())
             if signals.reload:
                 signals.reload = False
-                coming = _reloaded(path, model)
+                coming = _reloaded(path, model, cell)
             if coming is not None and not daemon.situation.executing:
                 daemon.stop()
 
@@ -153,10 +157,12 @@ def _begun(station: Station, given: Mapping[str, Value]) -> Situation:
     return replace(at_rest(station), state=state)
 
 
-def _reloaded(path: str, model: Model) -> Model | None:
+def _reloaded(path: str, model: Model, cell: str) -> Model | None:
     """What the scenario says now, if that is something else and holds."""
     try:
         found = language.load(path)
+        if mistakes := list(too_large(interfaces(found, cell))):
+            raise UsageError(mistakes)
     except (MistakesError, OSError) as error:
         log.error("the scenario has mistakes, the old one stays: %s", error)
         return None

@@ -16,14 +16,18 @@ from daemon.doubles import LaterPlanners, LoggedDisk, MemoryLink
 from daemon.stations import ROOT, load
 
 from bridge import keys
+from bridge.link import MAX_DOCUMENT
 from smv_planner import api
 from smv_planner.daemon import chronicle, documents
 from smv_planner.daemon.loop import FAILURES, Daemon, Waiting
 from smv_planner.daemon.schema import schemas
+from smv_planner.daemon.sizes import too_large
 from smv_planner.errors import UsageError
 from smv_planner.journal.folder import LIMIT
+from smv_planner.model.domains import Enum
 from smv_planner.protocol import hub as hubs
-from smv_planner.protocol.messages import Rejected, decode_goal, encode
+from smv_planner.protocol.interface import Interface
+from smv_planner.protocol.messages import GoalMessage, Rejected, decode_goal, encode
 from smv_planner.runner.decision import Decision
 from smv_planner.runner.events import Assign, Began
 from smv_planner.runner.records import Known
@@ -319,6 +323,30 @@ def test_what_is_published_is_as_documented(bench: Bench) -> None:
         jsonschema.validate(document, schemas()[kind])
         assert document["kind"] == kind
         assert not set(schemas()[kind]["required"]) ^ set(document), "every field is documented"
+
+
+def test_what_is_too_large_for_the_network_is_counted_and_told(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+    bench.link.published.clear()
+    for size in (0, 1, 1):
+        bench.daemon.publish(keys.plan("door"), b"x" * (MAX_DOCUMENT + size))
+    assert [len(payload) for _, payload in bench.link.published] == [MAX_DOCUMENT]
+    assert bench.daemon.pulse.counts["oversize"] == 2
+    assert caplog.text.count("not published") == 1
+    large = replace(bench.daemon.situation, failed={f"operation {n}": "x" * 1000 for n in range(2000)})
+    bench.daemon.situation = large
+    with pytest.raises(ValueError, match="at most"):
+        bench.link.ask(keys.situation("door"))
+
+
+@pytest.mark.parametrize(("variables", "fits"), [(300, True), (700, False)])
+def test_a_resource_with_messages_that_no_hub_would_read_is_refused(variables: int, fits: bool) -> None:
+    domain = Enum(("a", "b" * 100))
+    one = Interface("door", "door", {f"door.goal_{n}": domain for n in range(variables)}, {}, "0" * 64)
+    assert [mistake.message.split(" can")[0] for mistake in too_large({"door": one})] == (
+        [] if fits else ["a message about resource 'door'"]
+    )
+    longest = GoalMessage("door", "door", 1, 1, "planner", "0" * 64, dict.fromkeys(one.goals, "b" * 100))
+    assert isinstance(decode_goal(encode(longest), one), GoalMessage) == fits
 
 
 def test_events_that_were_missed_can_be_asked_for(bench: Bench) -> None:
