@@ -181,11 +181,11 @@ class Observer(Watch):
         match event:
             case Answered(_, revision, decision) if revision == reign.question:
                 reign.question = 0
-                if decision.undecided is None and decision.following is not None and after.following is not None:
-                    reign.following, reign.done = decision.following, set(decision.following.done)
-                    reign.approved = set(decision.following.approved)
-                    self.certified(decision.following.plan)
-                    self.counts_on(decision.following, before)
+                new = decision.following
+                if new is not None and after.following is not None and after.following.plan is new.plan:  # not a stale one
+                    reign.following, reign.done, reign.approved = new, set(new.done), set(new.approved)
+                    self.certified(new.plan)
+                    self.counts_on(new, before)
             case Ordered(_, Approve(request)) if request in before.wishes:
                 step = before.wishes[request].step
                 if step is not None:
