@@ -7,6 +7,8 @@ what comes of it is said, until the intentions are as the case declares.
 from __future__ import annotations
 
 import argparse
+import ctypes
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,6 +30,9 @@ CELL = "demo"
 SHOWN = ("running", "intention", "operation", "lost", "decision", "instruct", "confirmed", "alarm", "possible", "back")
 READY, WHOLE = 20.0, 53.0
 """Seconds until everything has to run, and until all has to be over."""
+
+_LIBC = ctypes.CDLL(None)
+_PR_SET_PDEATHSIG = 1
 
 
 def add_demo(parser: argparse.ArgumentParser) -> None:
@@ -114,11 +119,11 @@ def _hubs_there(started: Sequence[Started], ends: float) -> None:
 
 @contextmanager
 def _process(folder: Path, name: str, *words: str) -> Iterator[Started]:
-    """It is gone afterwards."""
+    """It is gone afterwards, even if nobody is left to end it."""
     said = folder / f"{name}.log"
     with said.open("wb") as out:
-        command = [sys.executable, "-m", "smv_planner", name, *words]
-        child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out)
+        command = [sys.executable, "-P", "-m", "smv_planner", name, *words]  # -P: nothing of the folder where we happen to be
+        child = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=out, stderr=out, preexec_fn=_die_with_us)
     try:
         yield Started(name, child, said)
     finally:
@@ -128,3 +133,7 @@ def _process(folder: Path, name: str, *words: str) -> Iterator[Started]:
         except subprocess.TimeoutExpired:
             child.kill()
             child.wait()
+
+
+def _die_with_us() -> None:
+    _LIBC.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)

@@ -12,10 +12,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 
-def started(*words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "smv_planner", "demo", "scenarios/assembly_station", "--case", "e7", *words]
+def started(*words: str, folder: Path = ROOT) -> subprocess.Popen[str]:
+    command = [sys.executable, "-P", "-m", "smv_planner", "demo", str(ROOT / "scenarios/assembly_station"), "--case", "e7", *words]
     return subprocess.Popen(
-        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+        command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
 
 
@@ -61,4 +61,18 @@ def test_interrupted_it_leaves_nothing_behind() -> None:
     os.killpg(demo.pid, signal.SIGINT)  # as a terminal does
     told = demo.communicate()[0]
     assert demo.returncode == 130, told
+    assert nothing_is_left(demo.pid)
+
+
+def test_killed_it_leaves_nothing_behind_and_nothing_of_the_folder_is_run(tmp_path: Path) -> None:
+    (tmp_path / "smv_planner.py").write_text("raise SystemExit('this is not the planner')\n")
+    demo = started(folder=tmp_path)
+    assert demo.stdout
+    with demo.stdout:
+        for line in demo.stdout:
+            if "executing" in line:
+                break
+        assert len(of_session(demo.pid)) > 4
+        demo.kill()
+        demo.wait()
     assert nothing_is_left(demo.pid)
