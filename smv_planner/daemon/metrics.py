@@ -8,13 +8,15 @@ from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import TYPE_CHECKING
 
+from smv_planner.errors import Mistake, UsageError
+
 if TYPE_CHECKING:
     from smv_planner.daemon.loop import Daemon
 
 
 @contextmanager
 def served(daemon: Daemon, port: int) -> Iterator[int | None]:
-    """The port at which they are as long as the context lasts."""
+    """The port at which they are as long as the context lasts. Raises UsageError if somebody else has it."""
     if not port:
         yield None
         return
@@ -34,7 +36,12 @@ def served(daemon: Daemon, port: int) -> Iterator[int | None]:
         def log_message(self, format: str, *args: object) -> None:
             pass
 
-    with ThreadingHTTPServer(("127.0.0.1", port), Answer) as server:
+    try:
+        bound = ThreadingHTTPServer(("127.0.0.1", port), Answer)
+    except OSError as error:
+        why = f"metrics cannot be served on port {port}: {error.strerror or error}"
+        raise UsageError([Mistake(why, "--metrics names another")]) from error
+    with bound as server:
         server.daemon_threads = True
         threading.Thread(target=server.serve_forever, name="metrics", daemon=True).start()
         try:
@@ -54,7 +61,7 @@ def text(daemon: Daemon) -> str:
         lines.append(f"# HELP smv_planner_{name} {what}")
         lines.append(f"# TYPE smv_planner_{name} {kind}")
         for labels, value in values:
-            lines.append(f'smv_planner_{name}{{cell="{cell}"{labels}}} {value:g}')
+            lines.append(f'smv_planner_{name}{{cell="{cell}"{labels}}} {_number(value)}')
 
     health = daemon.health()
     metric("healthy", "gauge", "Whether all is well.", ("", health["healthy"]))
@@ -73,3 +80,8 @@ def text(daemon: Daemon) -> str:
     counts = [(f',what="{name}"', float(count)) for name, count in sorted(pulse.counts.items())]
     metric("counts_total", "counter", "Messages and events by kind.", *counts)
     return "\n".join(lines) + "\n"
+
+
+def _number(value: float) -> str:
+    """With all its digits: a counter that is rounded seems to stand still."""
+    return str(int(value)) if value == int(value) else repr(value)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import json
 import logging
+import socket
 import sys
 import threading
 from dataclasses import dataclass, field, replace
@@ -18,7 +19,7 @@ from daemon.stations import ROOT, load
 from bridge import keys
 from bridge.link import MAX_DOCUMENT
 from smv_planner import api
-from smv_planner.daemon import chronicle, documents
+from smv_planner.daemon import chronicle, documents, metrics
 from smv_planner.daemon.loop import FAILURES, Daemon, Waiting
 from smv_planner.daemon.schema import schemas
 from smv_planner.daemon.sizes import too_large
@@ -347,6 +348,19 @@ def test_a_resource_with_messages_that_no_hub_would_read_is_refused(variables: i
     )
     longest = GoalMessage("door", "door", 1, 1, "planner", "0" * 64, dict.fromkeys(one.goals, "b" * 100))
     assert isinstance(decode_goal(encode(longest), one), GoalMessage) == fits
+
+
+def test_metrics_keep_all_digits(bench: Bench) -> None:
+    bench.daemon.pulse.ticks = 12_345_678
+    assert 'smv_planner_ticks_total{cell="door"} 12345678\n' in metrics.text(bench.daemon)
+    assert 'smv_planner_healthy{cell="door"} 1\n' in metrics.text(bench.daemon)
+
+
+def test_a_port_for_metrics_that_somebody_has_is_a_mistake_in_the_settings(bench: Bench) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+        port = other.getsockname()[1]
+        with pytest.raises(UsageError, match=f"port {port}"), metrics.served(bench.daemon, port):
+            pass
 
 
 def test_events_that_were_missed_can_be_asked_for(bench: Bench) -> None:
