@@ -48,15 +48,19 @@ class Status:
 
 
 def found(folder: str | os.PathLike[str], clock: Callable[[], float] = time.monotonic) -> dict[str, Any] | None:
-    """What the daemon says that has its journal there, with `wrong` as it looks from here; None if it never ran or has ended."""
+    """What the daemon says that has its journal there, with `wrong` as it looks from here; None if it never ran or has ended.
+
+    It is `current` if it still counts.
+    """
     try:
         said: dict[str, Any] = json.loads((Path(folder) / FILE).read_text(encoding="ascii"))
         age, counts = clock() - said.pop("written"), float(said.pop("counts_for"))
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, AttributeError, TypeError) as error:
-        return {"healthy": False, "wrong": [f"the status in '{folder}' cannot be read: {error}"]}
-    if not 0 <= age <= counts:  # less than nothing: the machine has been started anew
+        return {"healthy": False, "current": False, "wrong": [f"the status in '{folder}' cannot be read: {error}"]}
+    said["current"] = 0 <= age <= counts
+    if not said["current"]:  # less than nothing: the machine has been started anew
         old = f"it said so {age:.1f} s ago" if age > 0 else "it said so before this machine was started"
         said["wrong"] = [*said["wrong"], f"nothing new is heard of the planner, {old}: it was killed, hangs, or cannot write"]
         said["healthy"] = False
@@ -65,6 +69,7 @@ def found(folder: str | os.PathLike[str], clock: Callable[[], float] = time.mono
 
 
 def all_below(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:
-    """What all daemons say whose journals are in folders of this one, by folder."""
+    """What the daemons say that run and have their journals in folders of this one, by folder; if none runs, those that died."""
     places = sorted(file.parent for file in Path(folder).glob(f"*/{FILE}"))
-    return {str(place): said for place in places if (said := found(place)) is not None}
+    told = {str(place): said for place in places if (said := found(place)) is not None}
+    return {place: said for place, said in told.items() if said["current"]} or told

@@ -100,4 +100,7 @@ def test_the_planner_of_this_machine_is_found_without_being_named(
     assert "--journal" in capsys.readouterr().err
     assert health("--cell", "a", "--json") == 0
     assert json.loads(capsys.readouterr().out)["planner"] == "one"
+    killed = tmp_path / "smv_planner" / "b" / FILE
+    killed.write_text(json.dumps({**json.loads(killed.read_text()), "written": 0.0}))
+    assert health() == 0, "one that was killed long ago is not in the way of the one that runs"
     assert health("--cell", "a", "--connect", "tcp/127.0.0.1:1") == UNHEALTHY, "that asks the network"
