@@ -28,7 +28,7 @@ from smv_planner.daemon.reload import changes, moved
 from smv_planner.daemon.sizes import too_large
 from smv_planner.daemon.status import Status
 from smv_planner.engines import ENGINES
-from smv_planner.errors import EngineError, Mistake, MistakesError, UsageError, did_you_mean
+from smv_planner.errors import EngineError, Mistake, SmvPlannerError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
@@ -110,7 +110,7 @@ def _reign(
         stack.enter_context(metrics.served(daemon, settings["metrics"]))
         status = Status(settings["journal"], daemon.patience)
         stack.callback(status.clear)
-        coming: Model | None = None
+        coming = Coming(path, model, cell)
 
         def turned() -> None:
             notify("WATCHDOG=1")
@@ -118,12 +118,11 @@ def _reign(
                 daemon.stop()
 
         def ticked() -> None:
-            nonlocal coming
             status.tell(daemon.health())
-            if signals.reload:
+            if signals.reload and not coming.loading:
                 signals.reload = False
-                coming = _reloaded(path, model, cell)
-            if coming is not None and not daemon.situation.executing:
+                coming.load()
+            if not daemon.situation.executing and coming.take_over(chronicle, daemon.situation):
                 daemon.stop()
 
         daemon.ticked, daemon.turned = ticked, turned
@@ -131,11 +130,44 @@ def _reign(
         notify("READY=1")
         daemon.run(f"planner-{secrets.token_hex(4)}")
         notify("STOPPING=1" if signals.stop else "RELOADING=1")
-        if coming is not None and not signals.stop:
-            chronicle.become(coming.hash, moved(coming, daemon.situation, model))
-            return coming
+        if coming.taken is not None:
+            return coming.taken
         chronicle.close(daemon.situation)
     return model
+
+
+class Coming:
+    """What the scenario says now: read in a thread of its own, for ticks do not wait, and taken over between two operations."""
+
+    def __init__(self, path: str, model: Model, cell: str) -> None:
+        self._path, self._model, self._cell = path, model, cell
+        self._thread: threading.Thread | None = None
+        self._loaded: Model | None = None
+        self.taken: Model | None = None
+
+    @property
+    def loading(self) -> bool:
+        return self._thread is not None and self._thread.is_alive()
+
+    def load(self) -> None:
+        self._thread = threading.Thread(target=self._load, name="reload", daemon=True)
+        self._thread.start()
+
+    def take_over(self, chronicle: chronicles.Chronicle, now: Situation) -> bool:
+        """Whether the journal is the new scenario's from now on, so that the old one may not go on."""
+        if self._loaded is None or self.loading:
+            return False
+        loaded, self._loaded = self._loaded, None
+        try:
+            chronicle.become(loaded.hash, moved(loaded, now, self._model))
+        except Unwritten as error:
+            log.error("the old scenario stays, for the journal cannot be begun anew: %s", error)
+            return False
+        self.taken = loaded
+        return True
+
+    def _load(self) -> None:
+        self._loaded = reloaded(self._path, self._model, self._cell)
 
 
 def opened(where: LinkConfig, wait: float, signals: Signals, notify: Callable[[str], None]) -> Link | None:
@@ -157,13 +189,14 @@ def _begun(station: Station, given: Mapping[str, Value]) -> Situation:
     return replace(at_rest(station), state=state)
 
 
-def _reloaded(path: str, model: Model, cell: str) -> Model | None:
+def reloaded(path: str, model: Model, cell: str) -> Model | None:
     """What the scenario says now, if that is something else and holds."""
     try:
         found = language.load(path)
         if mistakes := list(too_large(interfaces(found, cell))):
             raise UsageError(mistakes)
-    except (MistakesError, OSError) as error:
+        api.widened(found)  # takes its time now, and none when it takes over
+    except (SmvPlannerError, OSError) as error:
         log.error("the scenario has mistakes, the old one stays: %s", error)
         return None
     if found.hash == model.hash:

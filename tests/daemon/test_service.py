@@ -13,14 +13,20 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from daemon.doubles import LoggedDisk
 from daemon.stations import PATIENCE, ROOT, Station, load, routed, station, until
 
 import smv_planner as sp
 from bridge.router import free_endpoint
+from smv_planner import api
+from smv_planner.daemon import chronicle as chronicles
 from smv_planner.daemon.planners import Opinion, Worker, job
+from smv_planner.daemon.service import Coming
 from smv_planner.runner.decision import Cause, Decision, Request, Wanted
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import promised
+from smv_planner.runner.situation import Station as Seen
+from smv_planner.runner.situation import at_rest
 
 
 @pytest.fixture(scope="module")
@@ -77,6 +83,26 @@ def test_a_changed_scenario_is_taken_over_and_one_with_mistakes_is_not(here: Sta
     assert after["epoch"] > before["epoch"]
     assert own in after["intentions"]
     assert planner.end() == 0
+
+
+def test_with_a_full_disk_the_old_scenario_stays(tmp_path: Path, known: Known) -> None:
+    scenario = tmp_path / "model.yaml"
+    scenario.write_text((ROOT / "scenarios" / "door" / "model.yaml").read_text().replace("name: door", "name: gate", 1))
+    here, disk = Seen(known.model, api.widened(known.model), "door"), LoggedDisk()
+    chronicle, situation, _ = chronicles.opened(disk, here, known, at_rest(here))
+    coming = Coming(str(scenario), known.model, "door")
+    coming.load()
+    until(lambda: not coming.loading, "it is read")
+    disk.full = True
+    assert not coming.take_over(chronicle, situation)
+    assert coming.taken is None
+    disk.full = False
+    assert not coming.take_over(chronicle, situation), "it has been given up"
+    assert chronicles.opened(disk, here, known, at_rest(here))[1] == situation
+    coming.load()
+    until(lambda: coming.take_over(chronicle, situation), "it takes over")
+    assert coming.taken
+    assert coming.taken.hash == sp.load(scenario).hash
 
 
 def test_signals_are_heard_while_there_is_no_router(tmp_path: Path) -> None:
@@ -140,8 +166,6 @@ def answered(worker: Worker, revision: int = 1) -> Decision:
 
 @pytest.fixture
 def known() -> Known:
-    from smv_planner import api
-
     return Known(load(ROOT / "scenarios" / "door"), api.widened_system)
 
 
