@@ -15,14 +15,15 @@ import threading
 import time
 import traceback
 from collections import Counter, deque
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from bridge import keys
 from bridge.endpoints import LOOPBACK, Tls, refuse_open
+from bridge.printable import printable
 from smv_planner.errors import EngineError, SmvPlannerError
 
 if TYPE_CHECKING:
@@ -52,6 +53,10 @@ QUERIES = 64
 
 class LinkError(EngineError):
     """The network broke: no router, nobody who answers, or an answer that says no."""
+
+
+class RefusedError(LinkError):
+    """Somebody answered, and said no; the text is theirs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,15 +235,13 @@ class _ZenohLink:
     def publish(self, key: str, payload: bytes) -> None:
         import zenoh
 
-        try:
+        with _ours(f"publish on '{key}'"):
             publisher = self._publishers.get(key)
             if publisher is None:
                 drop = zenoh.CongestionControl.DROP
                 publisher = self._session.declare_publisher(key, congestion_control=drop, express=True)
                 self._publishers[key] = publisher
             publisher.put(payload)
-        except zenoh.ZError as error:
-            raise LinkError(f"cannot publish on '{key}': {_first(error)}") from error
 
     def latest(self, *topics: str, depth: int = 1, wake: Callable[[], None] | None = None) -> Mailbox:
         import zenoh
@@ -246,7 +249,8 @@ class _ZenohLink:
         mailbox = LatestMailbox(depth, wake)
         for key in topics:
             ring: Any = zenoh.handlers.RingChannel(WILD_RING if "*" in key else depth)
-            subscriber = self._session.declare_subscriber(key, ring, allowed_origin=zenoh.Locality.REMOTE)
+            with _ours(f"listen to '{key}'"):
+                subscriber = self._session.declare_subscriber(key, ring, allowed_origin=zenoh.Locality.REMOTE)
             self._kept.append(subscriber)
             # The handler and not the subscriber is read: who reads a subscriber keeps others from undeclaring it.
             self._read(subscriber.handler, lambda sample: _keep(mailbox, sample), f"latest {key}")
@@ -256,14 +260,15 @@ class _ZenohLink:
         import zenoh
 
         ring: Any = zenoh.handlers.RingChannel(QUERIES)
-        queryable = self._session.declare_queryable(key, ring, complete=True)
+        with _ours(f"answer at '{key}'"):
+            queryable = self._session.declare_queryable(key, ring, complete=True)
         self._kept.append(queryable)
         self._read(queryable.handler, lambda query: _answered(key, query, function), f"answer {key}")
 
     def ask(self, key: str, payload: bytes = b"", timeout: float = 2.0) -> bytes:
         import zenoh
 
-        try:
+        with _ours(f"ask '{key}'"):
             # By default Zenoh asks one of several, which may be the one that refuses, and holds replies back until all are in.
             everybody, at_once = zenoh.QueryTarget.ALL, zenoh.ConsolidationMode.NONE
             replies = self._session.get(key, payload=payload, timeout=timeout, target=everybody, consolidation=at_once)
@@ -271,17 +276,19 @@ class _ZenohLink:
             for reply in replies:
                 if reply.ok is not None:
                     return reply.ok.payload.to_bytes()
-                refusal = reply.err.payload.to_bytes().decode("utf-8", "replace") if reply.err else None
-        except zenoh.ZError as error:
-            raise LinkError(f"cannot ask '{key}': {_first(error)}") from error
-        raise LinkError(refusal or f"nobody answers at '{key}'")
+                refusal = printable(reply.err.payload.to_bytes().decode("utf-8", "replace")) if reply.err else None
+        if refusal:
+            raise RefusedError(refusal)
+        raise LinkError(f"nobody answers at '{key}'")
 
     def alive(self, key: str) -> None:
-        self._kept.append(self._session.liveliness().declare_token(key))
+        with _ours(f"be listed as '{key}'"):
+            self._kept.append(self._session.liveliness().declare_token(key))
 
     def present(self, topic: str, timeout: float = 1.0) -> tuple[str, ...]:
-        replies = self._session.liveliness().get(topic, timeout=timeout)
-        return tuple(sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
+        with _ours(f"ask who is at '{topic}'"):
+            replies = self._session.liveliness().get(topic, timeout=timeout)
+            return tuple(sorted(str(reply.ok.key_expr) for reply in replies if reply.ok is not None))
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]  # ends what the readers read
@@ -346,6 +353,17 @@ def _answered(key: str, query: zenoh.Query, function: Callable[[bytes], bytes]) 
                 query.reply_err(refusal.encode("utf-8", "backslashreplace"))  # it may quote what JSON can say and UTF-8 cannot
             else:
                 query.reply(key, answer)
+
+
+@contextmanager
+def _ours(doing: str) -> Iterator[None]:
+    """What Zenoh refuses is a LinkError."""
+    import zenoh
+
+    try:
+        yield
+    except zenoh.ZError as error:
+        raise LinkError(f"cannot {doing}: {_first(error)}") from error
 
 
 def _first(error: Exception) -> str:

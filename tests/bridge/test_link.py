@@ -105,6 +105,21 @@ def test_a_long_payload_to_a_wild_key_is_not_read(one: Link, other: Link) -> Non
     assert {len(payload) for _, payload in mailbox.drain()} == {1}
 
 
+def test_what_is_no_key_is_refused(one: Link) -> None:
+    does: tuple[Callable[[str], object], ...] = (
+        one.latest,
+        lambda key: one.answer(key, lambda asked: asked),
+        one.alive,
+        one.present,
+        one.ask,
+        lambda key: one.publish(key, b""),
+    )
+    for each in does:
+        with pytest.raises(LinkError, match="cannot"):
+            each("smv/x#/r1")
+    assert one.connected
+
+
 def test_questions_are_answered_and_refusals_say_why(one: Link, other: Link) -> None:
     def answer(asked: bytes) -> bytes:
         if asked == b"no":
