@@ -10,15 +10,19 @@ from typing import Any
 
 from bridge import keys
 from bridge.link import Link, LinkError
+from bridge.printable import printable
 from smv_planner.cli import outcome
-from smv_planner.cli.asking import add_planner, cell_of, document
+from smv_planner.cli.asking import PATIENCE, add_planner, document, running_cell
 from smv_planner.cli.network import linked, settings
 from smv_planner.daemon import orders, status
+from smv_planner.daemon.documents import FORMAT
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.model.domains import Value, show_value
 
 UNHEALTHY = 1
-QUESTIONS = {"plan": keys.plan, "state": keys.situation, "operator": keys.operator}
+QUESTIONS = {"plan": (keys.plan, "plan"), "state": (keys.situation, "situation"), "operator": (keys.operator, "operator")}
+"""Where they are asked, and the kind of document that is answered."""
+
 WORDS = {
     "plan": "plan                      what comes: operations and steps",
     "state": "state                     what is known and believed",
@@ -50,13 +54,15 @@ def add_health(parser: argparse.ArgumentParser) -> None:
 def ask(asked: argparse.Namespace) -> int:
     word, *rest = asked.words
     with linked(asked) as link:
-        cell = cell_of(asked, link)
+        cell = running_cell(asked, link)
         if word in QUESTIONS and not rest:
-            found = document(link, QUESTIONS[word](cell))
-            print(json.dumps(found, indent=2) if asked.json else "\n".join(_LINES[word](found)))
+            key, kind = QUESTIONS[word]
+            found = document(link, key(cell), kind)
+            print(json.dumps(found, indent=2) if asked.json else printable("\n".join(_LINES[word](found))))
             return outcome.REACHED
         order = ordered(word, rest, link, cell)
-        accepted = document(link, keys.order(cell), json.dumps(order).encode())
+        link.ask(keys.order(cell), json.dumps(order).encode(), timeout=PATIENCE)
+        accepted = {"format": FORMAT, "kind": "accepted", **order}
         print(json.dumps(accepted) if asked.json else f"accepted: {' '.join(asked.words)}")
     return outcome.REACHED
 
@@ -71,7 +77,7 @@ def ordered(word: str, rest: list[str], link: Link, cell: str) -> dict[str, Any]
     if field is None and not rest:
         return {"order": word}
     if field == "request" and not rest:
-        return {"order": word, field: only_request(document(link, keys.operator(cell)), word)}
+        return {"order": word, field: only_request(document(link, keys.operator(cell), "operator"), word)}
     if field is None or len(rest) != 1 or word == "set":
         raise UsageError(
             [Mistake(f"'{' '.join([word, *rest])}' is not how to say it", " ".join(WORDS[word].split("   ")[0].split()))]
@@ -83,9 +89,8 @@ def only_request(found: dict[str, Any], answer: str) -> str:
     """The one request that is open and answered by this word. Raises UsageError."""
     fitting = [request["request"] for request in found["requests"] if request["answer"] == answer and not request["confirmed"]]
     if len(fitting) != 1:
-        raise UsageError(
-            [Mistake(f"there are {len(fitting)} requests to {answer}", ", ".join(fitting) or "'ask operator' shows them")]
-        )
+        there = printable(", ".join(fitting)) or "'ask operator' shows them"
+        raise UsageError([Mistake(f"there are {len(fitting)} requests to {answer}", there)])
     return str(fitting[0])
 
 
@@ -95,16 +100,15 @@ def health(asked: argparse.Namespace) -> int:
         found = _status(asked)
         if found is None:
             with linked(asked) as link:
-                found = document(link, keys.health(cell_of(asked, link)))
+                found = document(link, keys.health(running_cell(asked, link)), "health")
     except LinkError as error:
         print(error, file=sys.stderr)
         return UNHEALTHY
     if asked.json:
         print(json.dumps(found, indent=2))
     else:
-        print(
-            "; ".join(found["wrong"]) or f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
-        )
+        well = f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
+        print(printable("; ".join(found["wrong"]) or well))
     return outcome.REACHED if found["healthy"] else UNHEALTHY
 
 

@@ -10,10 +10,13 @@ from typing import Any
 
 from bridge import keys
 from bridge.link import Link, LinkError
-from smv_planner.cli.network import add_network, setting
+from bridge.printable import printable
+from smv_planner.cli import heard
+from smv_planner.cli.network import add_network, named_cell
 from smv_planner.errors import Mistake, UsageError
 
 DEPTH = 1024
+PATIENCE = 10.0
 AGAIN = 1.0
 """Seconds between two questions for events that have not come."""
 
@@ -25,22 +28,25 @@ def add_planner(parser: argparse.ArgumentParser) -> None:
     add_network(parser, cell=False)
 
 
-def cell_of(asked: argparse.Namespace, link: Link) -> str:
+def running_cell(asked: argparse.Namespace, link: Link) -> str:
     """Raises UsageError if that is not clear, LinkError if there is nobody."""
-    named = setting(asked, "cell")
+    named = named_cell(asked)
     if named:
-        return keys.checked_cell(named)
+        return named
     running = sorted({key.split("/")[1] for key in link.present(keys.planner("*"))})
     if not running:
         raise LinkError("no planner runs on this network; 'smv-planner run' starts one")
     if len(running) > 1:
-        raise UsageError([Mistake("several planners run: " + ", ".join(running), "name one with --cell")])
+        raise UsageError([Mistake("several planners run: " + ", ".join(map(printable, running)), "name one with --cell")])
     return running[0]
 
 
-def document(link: Link, key: str, payload: bytes = b"") -> Any:
-    """What the planner answers. Raises LinkError."""
-    return json.loads(link.ask(key, payload, timeout=10.0))
+def document(link: Link, key: str, kind: str) -> dict[str, Any]:
+    """What the planner says when it is asked. Raises LinkError."""
+    found = heard.document(link.ask(key, timeout=PATIENCE), kind)
+    if found is None:
+        raise LinkError(f"what is answered at '{key}' is no document of a planner")
+    return found
 
 
 class Events:
@@ -56,7 +62,8 @@ class Events:
         """Those since; `wait` is how many seconds to wait for one."""
         self._mailbox.wait(wait)
         fresh: list[dict[str, Any]] = []
-        for event in [json.loads(payload) for _, payload in self._mailbox.drain()]:
+        said = [heard.document(payload, "event") for _, payload in self._mailbox.drain()]
+        for event in [each for each in said if each is not None]:
             if event["number"] > self._last.get(event["planner"], 0) + 1:
                 fresh += self._missed(event["planner"])
             fresh += self._first_time(event)
@@ -71,7 +78,7 @@ class Events:
         with suppress(LinkError):
             while True:
                 after = json.dumps({"planner": planner, "after": self._last.get(planner, 0)}).encode()
-                told = document(self._link, keys.event(self._cell), after)
+                told = heard.documents(self._link.ask(keys.event(self._cell), after, timeout=PATIENCE), "event") or []
                 new = [event for each in told for event in self._first_time(each)]
                 fresh += new
                 if not new:

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from bridge.link import LinkConfig, open_link
+from bridge.printable import printable
 from smv_planner import language
 from smv_planner.cli import outcome
 from smv_planner.errors import EngineError, Mistake, UsageError
@@ -88,7 +89,7 @@ def _case(folder: Path, name: str) -> Case:
 
 def _show(event: dict[str, Any]) -> None:
     if event["event"] in SHOWN:
-        print(f"{event['at']:7.2f} s  {event['event']:<10} {event['text'][:150]}", flush=True)
+        print(printable(f"{event['at']:7.2f} s  {event['event']:<10} {event['text'][:150]}"), flush=True)
 
 
 @dataclass(frozen=True, slots=True)

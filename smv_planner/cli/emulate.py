@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+from contextlib import suppress
 
 from smv_planner import language
 from smv_planner.cli import outcome
-from smv_planner.cli.network import add_network, linked
+from smv_planner.cli.network import add_network, cell_of, linked
 from smv_planner.cli.question import settings
 from smv_planner.emulation.behaviour import Behaviour
 from smv_planner.errors import Mistake, UsageError
@@ -27,7 +28,13 @@ def add_emulate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--hub", metavar="RESOURCE", action="append", default=[], help="emulate this one only; repeatable (default: all)"
     )
-    parser.add_argument("--pace", metavar="FACTOR", type=float, default=1.0, help="effects take this much less time")
+    parser.add_argument(
+        "--pace",
+        metavar="FACTOR",
+        type=float,
+        default=1.0,
+        help="devices are so much faster: at 10, ten times (default: %(default)g)",
+    )
     parser.add_argument("--seed", metavar="N", type=int, default=0, help="of everything that is left to chance")
     parser.add_argument(
         "--set",
@@ -47,7 +54,7 @@ def add_emulate(parser: argparse.ArgumentParser) -> None:
 
 def run_emulate(asked: argparse.Namespace) -> int:
     model = language.load(asked.scenario)
-    cell = asked.cell or model.name
+    cell = cell_of(asked, model)
     if asked.tell is not None:
         return _tell(asked, cell)
     if not 0.01 <= asked.pace <= 1000:
@@ -64,7 +71,8 @@ def run_emulate(asked: argparse.Namespace) -> int:
             for name in getattr(asked, word):
                 plant.tell(name, word)
         print(f"hubs of cell {cell}: {', '.join(plant.names)}", flush=True)
-        plant.run()
+        with suppress(KeyboardInterrupt):  # that is how it ends
+            plant.run()
     return outcome.REACHED
 
 
@@ -72,6 +80,8 @@ def _tell(asked: argparse.Namespace, cell: str) -> int:
     from smv_planner.plant.serve import tell
 
     name, *words = asked.tell
+    if not words:
+        raise UsageError([Mistake(f"'{name}' is told nothing", "say what after its name, as in --tell door silent")])
     with linked(asked) as link:
         print(json.dumps(tell(link, cell, name, words), indent=2))
     return outcome.REACHED

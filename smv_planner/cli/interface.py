@@ -7,6 +7,7 @@ import json
 
 from smv_planner import language
 from smv_planner.cli import outcome
+from smv_planner.cli.network import cell_of
 from smv_planner.errors import Mistake, UsageError, did_you_mean
 
 
@@ -20,7 +21,7 @@ def run_interface(asked: argparse.Namespace) -> int:
     from bridge.descriptions import descriptions, written
 
     model = language.load(asked.scenario)
-    found = {name: written(each) for name, each in descriptions(model, asked.cell or model.name).items()}
+    found = {name: written(each) for name, each in descriptions(model, cell_of(asked, model)).items()}
     if asked.resource is not None and asked.resource not in found:
         raise UsageError([Mistake(f"there is no resource '{asked.resource}'", did_you_mean(asked.resource, found))])
     print(json.dumps(found[asked.resource] if asked.resource else list(found.values()), indent=2))

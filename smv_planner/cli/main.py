@@ -42,7 +42,7 @@ def parser() -> argparse.ArgumentParser:
     parser = outcome.Arguments(
         prog="smv-planner",
         description="Work with planning scenarios. To plan, use smv-plan.",
-        epilog=outcome.EXIT_CODES,
+        epilog=outcome.EXIT_CODES + outcome.NETWORK_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=f"smv-planner {__version__}")

@@ -6,14 +6,16 @@ import argparse
 import os
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import inf
 from typing import Any
 
 from bridge.endpoints import LOOPBACK, Tls
+from bridge.keys import checked_cell
 from bridge.link import Link, LinkConfig, open_link
 from smv_planner.daemon import config
 from smv_planner.errors import Mistake, UsageError
+from smv_planner.model.model import Model
 
 
 def add_network(parser: argparse.ArgumentParser, cell: bool = True) -> None:
@@ -63,6 +65,17 @@ def settings(asked: argparse.Namespace) -> config.Config:
     return config.resolved(vars(asked), os.environ, None, {}, config.state_folder(os.environ))
 
 
+def named_cell(asked: argparse.Namespace) -> str | None:
+    """The cell that the arguments, the environment or the file name. Raises UsageError for what cannot be one."""
+    named = setting(asked, "cell") if asked.cell is None else asked.cell
+    return None if named is None else checked_cell(named)
+
+
+def cell_of(asked: argparse.Namespace, model: Model) -> str:
+    """The cell that is named, else the scenario's. Raises UsageError."""
+    return named_cell(asked) or checked_cell(model.name)
+
+
 @contextmanager
 def linked(asked: argparse.Namespace, patient: bool = False) -> Iterator[Link]:
     """A link as the arguments say; a patient one waits for the router to be started."""
@@ -71,5 +84,6 @@ def linked(asked: argparse.Namespace, patient: bool = False) -> Iterator[Link]:
 
 
 def until_interrupted(seconds: float | None = None) -> None:
-    """Ctrl-C and SIGTERM are KeyboardInterrupt here (`outcome.run`)."""
-    threading.Event().wait(seconds)
+    """Ctrl-C and SIGTERM are KeyboardInterrupt here (`outcome.run`); for whoever waits for it that is the end, and no trouble."""
+    with suppress(KeyboardInterrupt):
+        threading.Event().wait(seconds)

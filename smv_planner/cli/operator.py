@@ -13,10 +13,12 @@ from typing import Any
 
 from bridge import keys
 from bridge.link import Link, LinkError
+from bridge.printable import printable
 from smv_planner import language
-from smv_planner.cli import outcome
+from smv_planner.cli import heard, outcome
 from smv_planner.cli.ask import only_request
-from smv_planner.cli.network import add_network, linked, setting
+from smv_planner.cli.asking import PATIENCE
+from smv_planner.cli.network import add_network, cell_of, linked
 from smv_planner.errors import MistakesError
 from smv_planner.model.model import Model
 
@@ -43,7 +45,7 @@ def add_operator(parser: argparse.ArgumentParser) -> None:
 
 def operate(asked: argparse.Namespace) -> int:
     model = language.load(asked.scenario)
-    cell = keys.checked_cell(setting(asked, "cell") or model.name)
+    cell = cell_of(asked, model)
     with linked(asked, patient=True) as link:
         desk = Desk(link, cell, asked.json)
         if asked.auto is not None:
@@ -70,7 +72,9 @@ class Desk:
         while going:
             self._mailbox.wait(0.1)
             for _, payload in self._mailbox.drain():
-                self._take(json.loads(payload))
+                found = heard.document(payload, "operator")
+                if found is not None:
+                    self._take(found)
             going = answer()
 
     def answers(self, lines: queue.Queue[str | None]) -> bool:
@@ -103,8 +107,8 @@ class Desk:
                 if request["answer"] == "confirm":
                     perform(self._link, model, self._cell, request["transition"], request["values"])
                 self._order(request["answer"], name)
-            except LinkError as error:
-                print(f"not done: {error}", file=sys.stderr)
+            except (LinkError, MistakesError) as error:
+                print(printable(f"not done: {error}"), file=sys.stderr, flush=True)
         return True
 
     def _take(self, found: dict[str, Any]) -> None:
@@ -122,14 +126,14 @@ class Desk:
         if self._as_json:
             print(json.dumps({"what": what, **request}), flush=True)
         else:
-            print(f"{what:<6} {request['request']:<8} {request['text']}  [{request['answer']}]", flush=True)
+            print(printable(f"{what:<6} {request['request']:<8} {request['text']}  [{request['answer']}]"), flush=True)
 
     def _order(self, word: str, request: str | None) -> None:
         try:
             name = request or only_request({"requests": list(self._open.values())}, word)
-            self._link.ask(keys.order(self._cell), json.dumps({"order": word, "request": name}).encode(), timeout=10.0)
+            self._link.ask(keys.order(self._cell), json.dumps({"order": word, "request": name}).encode(), timeout=PATIENCE)
         except (LinkError, MistakesError) as error:
-            print(f"not taken: {error}", file=sys.stderr, flush=True)
+            print(printable(f"not taken: {error}"), file=sys.stderr, flush=True)
 
 
 def _lines() -> queue.Queue[str | None]:

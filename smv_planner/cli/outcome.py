@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import os
 import signal
@@ -11,6 +12,7 @@ import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
+from bridge.link import LinkError, RefusedError
 from smv_planner.errors import EngineError, Mistake, MistakesError, ModelError, UsageError
 
 REACHED = 0
@@ -19,6 +21,7 @@ USAGE = 2
 INVALID_SCENARIO = 3
 UNDECIDED = 4
 ENGINE_FAILED = 5
+NO_NETWORK = 6
 INTERRUPTED = 130
 
 EXIT_CODES = """\
@@ -27,6 +30,9 @@ exit codes:
   1  unreachable, or an invariant  4  no plan within the bound, or the deadline passed
      is violated at the start      5  the engine is missing, failed, or lied,
   2  the question is wrong            or two engines differ"""
+
+NETWORK_CODES = """
+  on the network: 2 if an order is refused, 6 if there is no router or nobody answers"""
 
 
 class Arguments(argparse.ArgumentParser):
@@ -44,6 +50,8 @@ def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> in
     as_json = "--json" in arguments
     if sys.stderr is None:  # somebody closed it; what is said there is lost
         sys.stderr = open(os.devnull, "w")  # noqa: SIM115
+    if isinstance(sys.stdout, io.TextIOWrapper):  # what a terminal's encoding does not have is told all the same
+        sys.stdout.reconfigure(errors="backslashreplace")
     signal.signal(signal.SIGTERM, _interrupted)
     try:
         code = command(arguments)
@@ -52,6 +60,9 @@ def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> in
     except MistakesError as error:
         _report(error.mistakes, as_json)
         return INVALID_SCENARIO if isinstance(error, ModelError) else USAGE
+    except LinkError as error:
+        _report([Mistake(str(error))], as_json)
+        return USAGE if isinstance(error, RefusedError) else NO_NETWORK
     except EngineError as error:
         _report([Mistake(str(error))], as_json)
         return ENGINE_FAILED

@@ -7,6 +7,7 @@ import json
 
 from smv_planner import language
 from smv_planner.cli import outcome
+from smv_planner.cli.network import cell_of
 
 NAMES = """\
 common names in certificates:
@@ -22,9 +23,8 @@ def add_security_commands(parser: argparse.ArgumentParser) -> None:
 
 def run_security(asked: argparse.Namespace) -> int:
     from bridge.access import access_control
-    from bridge.keys import checked_cell
 
     model = language.load(asked.scenario)
-    cell = checked_cell(asked.cell or model.name)
+    cell = cell_of(asked, model)
     print(json.dumps(access_control(cell, [resource.name for resource in model.resources]), indent=1))
     return outcome.REACHED

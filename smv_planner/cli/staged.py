@@ -21,6 +21,8 @@ from smv_planner.model.expressions import meaning
 from smv_planner.model.model import Model
 from smv_planner.model.system import VariableKind
 from smv_planner.plant.serve import tell
+from smv_planner.protocol.interface import interfaces
+from smv_planner.protocol.messages import StateMessage, decode_state
 from smv_planner.runner.decision import Action
 from smv_planner.runner.events import Note
 from smv_planner.simulate.play import Record
@@ -45,7 +47,8 @@ class Staged:
         asked = [word for each in self.case.when for word in UNKNOWN if getattr(each, word)]
         if asked:
             raise UsageError([Mistake(f"'{asked[0]}' of case '{self.case.name}' can be played in virtual time only")])
-        self._states = self.link.latest(keys.state(self.cell))
+        self._hubs = {keys.state(self.cell, name): each for name, each in interfaces(self.model, self.cell).items()}
+        self._states = self.link.latest(*self._hubs)
         self._events = Events(self.link, self.cell)
         self._values: dict[str, Value] = {}
         self._due: list[tuple[float, Entry]] = []
@@ -66,9 +69,10 @@ class Staged:
         events = self._events.new()
         for event in events:
             self.record.take(_note(event))
-        for _, payload in self._states.drain():
-            message = json.loads(payload)
-            self._values.update({**message["measured"], **message["mirror"]})
+        for key, payload in self._states.drain():
+            message = decode_state(payload, self._hubs[key]) if key in self._hubs else None
+            if isinstance(message, StateMessage):
+                self._values.update({**message.measured, **message.mirror})
         for each in [*self.coming]:
             if each.after in self.record.seen or self._once(each):
                 self._begin(each)

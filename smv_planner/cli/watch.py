@@ -15,8 +15,9 @@ from bridge import keys, mirror
 from bridge.link import Link, Mailbox
 from bridge.mirror import Mirrors
 from bridge.overheard import overheard
+from bridge.printable import printable
 from smv_planner.cli import outcome
-from smv_planner.cli.network import add_network, linked
+from smv_planner.cli.network import add_network, linked, named_cell
 from smv_planner.model.domains import Value, show_value
 from smv_planner.protocol.messages import GoalMessage, StateMessage
 
@@ -41,17 +42,18 @@ def add_watch(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--for", dest="seconds", metavar="SECONDS", type=float, help="end then (default: when interrupted)")
     parser.add_argument("--lines", action="store_true", help="lines instead of a table, as it is without a terminal")
-    parser.add_argument("--cell", metavar="NAME", default="*", help="which installation (default: all on this network)")
+    parser.add_argument("--cell", metavar="NAME", help="which installation (default: all on this network)")
     add_network(parser, cell=False)
 
 
 def run_watch(asked: argparse.Namespace) -> int:
+    cell = "*" if asked.cell == "*" else named_cell(asked) or "*"
     with linked(asked) as link:
         if asked.mirror:
-            return watch_mirrors(link, asked.cell, asked.within, asked.seconds)
+            return watch_mirrors(link, cell, asked.within, asked.seconds)
         station = Station(mirrors=Mirrors(asked.within))
         woken = threading.Event()
-        topics = (f"smv/{asked.cell}/*/goal", f"smv/{asked.cell}/*/state", f"smv_planner/{asked.cell}/*")
+        topics = (f"smv/{cell}/*/goal", f"smv/{cell}/*/state", f"smv_planner/{cell}/*")
         mailbox = link.latest(*topics, depth=DEPTH, wake=woken.set)
         try:
             if asked.lines or not sys.stdout.isatty():
@@ -84,7 +86,8 @@ def watch_mirrors(link: Link, cell: str, within: float, seconds: float | None) -
                 late += 1
                 mirrored = "nothing" if each.mirrored is None else show_value(each.mirrored)
                 commanded = show_value(each.commanded)
-                print(f"{each.name}: commanded {commanded}, mirrored {mirrored} for {at - each.since:.2f} s", flush=True)
+                line = f"{each.name}: commanded {commanded}, mirrored {mirrored} for {at - each.since:.2f} s"
+                print(printable(line), flush=True)
     except KeyboardInterrupt:
         pass
     goals, states = heard[GoalMessage.__name__], heard[StateMessage.__name__]
@@ -161,7 +164,7 @@ def _lines(station: Station, mailbox: Mailbox, seconds: float | None) -> None:
         for key, payload in mailbox.drain():
             line = station.take(key, payload, time.monotonic())
             if line:
-                print(f"{time.monotonic() - began:8.2f} s  {_printable(line).replace(chr(10), ' ')}", flush=True)
+                print(f"{time.monotonic() - began:8.2f} s  {printable(line).replace(chr(10), ' ')}", flush=True)
 
 
 def _table(station: Station, mailbox: Mailbox, seconds: float | None) -> None:
@@ -183,7 +186,7 @@ def _shown(station: Station) -> Table:
 
     at = time.monotonic()
     lines = [line for line in station.documents.values() if line]
-    caption = Text("\n".join(map(_printable, [*lines, *station.events])))
+    caption = Text("\n".join(map(printable, [*lines, *station.events])))
     title = f"hubs ({station.rejected} unreadable messages)" if station.rejected else "hubs"
     table = Table(title=title, caption=caption, caption_justify="left", expand=True)
     for column in ("resource", "heard", "epoch", "goals", "measured"):
@@ -193,15 +196,15 @@ def _shown(station: Station) -> Table:
         for field_name, value in (watched.goal.values if watched.goal else {}).items():
             since = watched.differs_since.get(field_name)
             style = "" if since is None else "bold red" if at - since > station.mirrors.limit else "yellow"
-            goals.append(_printable(f"{_short(name, field_name)} = {show_value(value)}\n"), style=style)
+            goals.append(printable(f"{_short(name, field_name)} = {show_value(value)}\n"), style=style)
         heard = at - station.heard_at[name] if name in station.heard_at else None
         age = Text("never" if heard is None else f"{heard:.1f} s", style="bold red" if heard is None or heard > 1 else "")
         measured = "\n".join(
-            _printable(f"{_short(name, each)} = {show_value(value)}")
+            printable(f"{_short(name, each)} = {show_value(value)}")
             for each, value in (watched.state.measured if watched.state else {}).items()
         )
         epoch = str(watched.state.epoch) if watched.state else ""
-        table.add_row(Text(_printable(name)), age, epoch, goals, Text(measured))
+        table.add_row(Text(printable(name)), age, epoch, goals, Text(measured))
     return table
 
 
@@ -212,8 +215,3 @@ def _short(resource: str, name: str) -> str:
 def _text(values: Any) -> str:
     told: dict[str, Value] = dict(values)
     return ", ".join(f"{name} = {show_value(value)}" for name, value in told.items())
-
-
-def _printable(text: str) -> str:
-    """Nobody on the network writes to our terminal."""
-    return "".join(each if each.isprintable() or each == "\n" else "?" for each in text)

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link
+from bridge.link import Link, LinkError
 from bridge.wire import Wire
 from smv_planner.emulation.behaviour import Behaviour
 from smv_planner.errors import Mistake, UsageError, did_you_mean
@@ -169,7 +169,11 @@ class Emulation:
 def tell(link: Link, cell: str, name: str, words: list[str]) -> dict[str, Any]:
     """Have a hub that runs elsewhere behave otherwise; what it says of itself then. Raises LinkError."""
     asked = json.dumps({"format": FORMAT, "tell": words}).encode()
-    return _document(link.ask(keys.behaviour(cell, name), asked))
+    answered = link.ask(keys.behaviour(cell, name), asked)
+    try:
+        return _document(answered)
+    except ValueError as error:
+        raise LinkError(f"what '{name}' says of itself cannot be read: {error}") from error
 
 
 def perform(link: Link, model: Model, cell: str, transition: str, chosen: Mapping[str, Value] | None = None) -> None:
@@ -184,7 +188,10 @@ def perform(link: Link, model: Model, cell: str, transition: str, chosen: Mappin
 
 
 def _document(text: bytes) -> dict[str, Any]:
-    found = json.loads(text or b"{}")
+    try:
+        found = json.loads(text or b"{}")
+    except RecursionError as error:
+        raise ValueError("too deep") from error
     if type(found) is not dict or found.get("format", FORMAT) != FORMAT:
         raise ValueError(f"expected an object of format {FORMAT}")
     return found

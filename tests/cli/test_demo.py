@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 
 
 def started(*words: str, folder: Path = ROOT) -> subprocess.Popen[str]:
-    command = [sys.executable, "-P", "-m", "smv_planner", "demo", str(ROOT / "scenarios/assembly_station"), "--case", "e7", *words]
+    station = str(ROOT / "scenarios/assembly_station")
+    command = [sys.executable, "-P", "-m", "smv_planner", "demo", station, "--case", "e7", *words]
     return subprocess.Popen(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
     )
