@@ -107,8 +107,9 @@ def health(asked: argparse.Namespace) -> int:
     if asked.json:
         print(json.dumps(found, indent=2))
     else:
-        well = f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
-        print(printable("; ".join(found["wrong"]) or well))
+        text = "; ".join(found["wrong"])  # there may be nothing else
+        text = text or f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
+        print(printable(text))
     return outcome.REACHED if found["healthy"] else UNHEALTHY
 
 
