@@ -1,7 +1,7 @@
 """Orders from outside as JSON: strict on the way in, for anybody on the network may send anything.
 
-An order is an object with `order`, one of the words of `ORDERS`, and what that word needs. What cannot mean anything at the
-moment is refused with the reason; the runner itself ignores it.
+An order is an object with `order`, one of the words of `ORDERS`, what that word needs, and `format` if one likes. What
+cannot mean anything at the moment is refused with the reason; the runner itself ignores it.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from smv_planner.daemon.documents import FORMAT
 from smv_planner.errors import Mistake, UsageError, did_you_mean
 from smv_planner.model.domains import Value
 from smv_planner.model.system import VariableKind
@@ -49,6 +50,9 @@ def meant(payload: bytes, station: Station, now: Situation) -> Order:
     if type(word) is not str or word not in ORDERS:
         raise refused("this is no order", "an object with 'order', one of " + ", ".join(ORDERS))
     kind, name = ORDERS[word]
+    form = told.pop("format", FORMAT)
+    if type(form) is not int or form != FORMAT:
+        raise refused(f"orders of another format are not understood, only of {FORMAT}")
     if told.keys() != {"order", *([name] if name else [])}:
         raise refused(f"'{word}' has other fields", f"it has '{name}' alone" if name else "it has none")
     if now.phase is Phase.FENCED_OUT:

@@ -27,7 +27,12 @@ COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 
 
 def schemas() -> dict[str, Schema]:
-    """One for each kind of document, by the last part of its key; `order` is for what goes in."""
+    """One for each kind of document, by the last part of its key.
+
+    `order` is for what goes in, and `accepted` what comes back; `missed` is how events are asked for at their key, and
+    `events` the answer.
+    """
+    event = _document("event", number={**COUNT, "minimum": 1}, event=TEXT, text=TEXT, data={"type": "object"})
     return {
         "situation": _document(
             "situation",
@@ -71,7 +76,9 @@ def schemas() -> dict[str, Schema]:
                 )
             ),
         ),
-        "event": _document("event", number={**COUNT, "minimum": 1}, event=TEXT, text=TEXT, data={"type": "object"}),
+        "event": event,
+        "missed": {**_titled("missed"), "type": "object", "properties": {"planner": TEXT, "after": {"type": "integer"}}},
+        "events": {**_titled("events"), **_list(event)},
         "health": _document(
             "health",
             healthy=YES,
@@ -86,15 +93,25 @@ def schemas() -> dict[str, Schema]:
             counts=COUNTS,
             rejected=COUNTS,
         ),
-        "order": {"title": "order", "oneOf": [_order(word, field) for word, (_, field) in ORDERS.items()]},
+        "order": {**_titled("order"), "oneOf": [_order(word, field) for word, (_, field) in ORDERS.items()]},
+        "accepted": {**_titled("accepted"), "oneOf": [_accepted(word, field) for word, (_, field) in ORDERS.items()]},
     }
 
 
 def _order(word: str, field: str | None) -> Schema:
-    rest: dict[str, Schema] = {}
-    if field is not None:
-        rest[field] = {**VALUES, "minProperties": 1} if field == "values" else TEXT
-    return {**_object(order={"const": word}, **rest), "additionalProperties": False}
+    schema = _object(order={"const": word}, **_needed(field))
+    return {**schema, "properties": {"format": {"const": FORMAT}, **schema["properties"]}, "additionalProperties": False}
+
+
+def _accepted(word: str, field: str | None) -> Schema:
+    return _object(format={"const": FORMAT}, kind={"const": "accepted"}, order={"const": word}, **_needed(field))
+
+
+def _needed(field: str | None) -> dict[str, Schema]:
+    """What an order says besides its word."""
+    if field is None:
+        return {}
+    return {field: {**VALUES, "minProperties": 1} if field == "values" else TEXT}
 
 
 def _document(kind: str, **fields: Schema) -> Schema:
@@ -107,7 +124,11 @@ def _document(kind: str, **fields: Schema) -> Schema:
         "epoch": COUNT,
         "at": NUMBER,
     }
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind, **_object(**head, **fields)}
+    return {**_titled(kind), **_object(**head, **fields)}
+
+
+def _titled(kind: str) -> Schema:
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind}
 
 
 def _object(**fields: Schema) -> Schema:

@@ -350,6 +350,31 @@ def test_a_resource_with_messages_that_no_hub_would_read_is_refused(variables: i
     assert isinstance(decode_goal(encode(longest), one), GoalMessage) == fits
 
 
+def test_what_is_asked_and_answered_is_as_documented(bench: Bench) -> None:
+    known = schemas()
+    for schema in known.values():
+        jsonschema.Draft202012Validator.check_schema(schema)
+        assert schema["$schema"]
+    own = next(v for v in MODEL.variables if v.resource is None)
+    for order in (
+        {"order": "set", "values": {own.name: _other()}},
+        {"format": 1, "order": "start", "intention": MODEL.intentions[0].name},
+        {"order": "proceed"},
+    ):
+        jsonschema.validate(order, known["order"])
+        jsonschema.validate(bench.order(**order), known["accepted"])
+    for wrong in ({"order": "proceed", "format": 2}, {"order": "proceed", "format": True}, {"order": "proceed", "more": 1}):
+        with pytest.raises(UsageError):
+            bench.link.ask(keys.order("door"), documents.encoded(wrong))
+        with pytest.raises(jsonschema.ValidationError):
+            jsonschema.validate(wrong, known["order"])
+    missed = {"planner": "one", "after": 0}
+    jsonschema.validate(missed, known["missed"])
+    events = json.loads(bench.link.ask(keys.event("door"), documents.encoded(missed)))
+    assert events
+    jsonschema.validate(events, known["events"])
+
+
 def test_metrics_keep_all_digits(bench: Bench) -> None:
     bench.daemon.pulse.ticks = 12_345_678
     assert 'smv_planner_ticks_total{cell="door"} 12345678\n' in metrics.text(bench.daemon)
