@@ -263,8 +263,9 @@ def schema(messages: bool) -> int:
     if messages:
         from bridge.schemas import schemas
         from smv_planner.daemon.schema import schemas as of_the_planner
+        from smv_planner.plant.schema import schemas as of_the_plant
 
-        print(json.dumps({**schemas(), **of_the_planner()}, indent=2))
+        print(json.dumps({**schemas(), **of_the_planner(), **of_the_plant()}, indent=2))
         return outcome.REACHED
     from smv_planner.language.schema import schema as of_scenarios
 
