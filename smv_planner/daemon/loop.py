@@ -193,7 +193,7 @@ class Daemon:
             wrong.append(self.chronicle.trouble)
         connected = self.link.connected
         if not connected:
-            wrong.append("there is no router")
+            wrong.append("there is no router, or a reader of the network has died")
         if now.phase is Phase.FENCED_OUT:
             wrong.append("another planner has taken over")
         if now.hubs and all(name in now.lost for name in now.hubs):
