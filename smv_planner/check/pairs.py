@@ -95,7 +95,7 @@ class _Check:
         """What is read, and what is then assigned; if too much is read, that anything may be."""
         names = sorted(frozenset().union(*map(variables_of, chosen.values())))
         domains = [self.system.domains[name].values for name in names]
-        if prod(map(len, domains)) > COMBINATIONS:
+        if len(names) > 1 and prod(map(len, domains)) > COMBINATIONS:
             yield [], sum(self.values[name] for name in chosen)
             return
         index = {name: at for at, name in enumerate(names)}
@@ -143,7 +143,7 @@ class _Check:
         """How a condition is judged: says nothing of this proof, for it is remembered."""
         names = sorted(variables_of(condition))
         domains = [self.system.domains[name].values for name in names]
-        if prod(map(len, domains)) <= COMBINATIONS:
+        if len(names) <= 1 or prod(map(len, domains)) <= COMBINATIONS:
             holds = meaning(condition, {name: at for at, name in enumerate(names)})
             return enumerated([self.facts(names, row) for row in product(*domains) if holds(row)])
         every = tuple(conjuncts(condition))

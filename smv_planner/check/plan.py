@@ -28,9 +28,10 @@ class CheckedPlan:
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """Why a trace is not a plan."""
+    """Why a trace is not a plan, or an argument no proof; or that the kernel cannot tell, for it is `too_large`."""
 
     reason: str
+    too_large: bool = False
 
 
 def check_plan(problem: Problem, trace: Reached, orders: Iterable[Order] = ()) -> CheckedPlan | Refused:

@@ -31,7 +31,10 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
         case Inductive():
             from smv_planner.check.inductive import broken  # the only part of the kernel that needs a SAT solver
 
-            reason = broken(problem, proof)
+            try:
+                reason = broken(problem, proof)
+            except OverflowError as error:
+                return Refused(str(error), too_large=True)
     return Refused(reason) if reason else None
 
 

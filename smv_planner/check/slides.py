@@ -18,13 +18,19 @@ from smv_planner.model.system import State, System, Transition
 def may_slide(system: System, states: Iterable[State], invariants: Sequence[Expr]) -> bool:
     """Whether automatic and effect transitions, in any order, may lead from one of some states to breaking an invariant.
 
-    Raises OverflowError where one part alone is too large to be looked at.
+    Raises OverflowError where one part alone is too large to be looked at, and no other slides.
     """
     starts = list(states)
-    return any(
-        slide(system, _alike(system, starts, part), part.invariants, among=part.transitions) is not None
-        for part in _parts(system, invariants)
-    )
+    too_large: OverflowError | None = None
+    for part in _parts(system, invariants):
+        try:
+            if slide(system, _alike(system, starts, part), part.invariants, among=part.transitions) is not None:
+                return True
+        except OverflowError as error:
+            too_large = error
+    if too_large:
+        raise too_large
+    return False
 
 
 @dataclass(frozen=True, slots=True)

@@ -66,6 +66,9 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
             return checked
         case Unreachable(proof):
             refused = check_proof(problem, proof)
+            if refused and refused.too_large:
+                why = f"the engine has an argument that there is no plan, but {refused.reason}"
+                return NoPlan(Undecided(why, deadline=False), why)
             if refused:
                 raise EngineError(f"the engine claims that there is no plan, but {refused.reason}")
             return NoPlan(verdict, why_never(problem, proof))

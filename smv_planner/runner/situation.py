@@ -89,7 +89,8 @@ class Asked:
 class Situation:
     """`state` has what is believed of every variable; goal variables have what is commanded.
 
-    `heard` are resources whose measured variables are known. `lost`, `timers` and `disabled` say since when. `failed` are
+    `heard` are resources whose measured variables are known. `lost`, `timers` and `disabled` say since when. `doubts`
+    are commands that lost hubs have not mirrored: they obey either these or what they mirror. `failed` are
     tasks in error with the reason, `spent` those that failed too often, `failures` counts per operation. `broken` are
     the invariants violated, as widened. `sequence` numbers what each hub is told, `published` what it was sent.
     `cause` is why the planners have to be asked, `asked` what they were asked.
@@ -107,6 +108,7 @@ class Situation:
     sent_at: float = 0.0
     heard: frozenset[str] = frozenset()
     lost: Mapping[str, float] = field(default_factory=dict)
+    doubts: Mapping[str, Mapping[str, Value]] = field(default_factory=dict)
     timers: Mapping[str, float] = field(default_factory=dict)
     disabled: Mapping[str, float] = field(default_factory=dict)
     intentions: Mapping[str, Pursuit] = field(default_factory=dict)

@@ -157,6 +157,7 @@ class _Turn:
             sequence={},
             published={},
             lost=dict.fromkeys(by_hand, at),
+            doubts={},
             timers={},
             disabled=dict.fromkeys(self.now.disabled, at),
             following=None,
@@ -420,11 +421,20 @@ class _Turn:
 
     def lose(self, name: str, why: str) -> None:
         self.set(lost={**self.now.lost, name: self.now.at})
+        self.take_back(name)
         self.note("lost", f"'{name}' {why}", resource=name)
         if self.now.phase is Phase.RUNNING:
             if self.now.following or self.now.executing or self.thinking:
                 self.need(Cause.LOST)
             self.look_again()
+
+    def take_back(self, name: str) -> None:
+        """A command that a lost hub has not mirrored: it is asked to stay with what it mirrors, and it may obey either."""
+        view = self.now.hubs[name]
+        if view.state is None or not view.commanded or dict(view.commanded) == dict(view.state.mirror):
+            return
+        self.set(doubts={**self.now.doubts, name: view.commanded})
+        self.command_by_hand(view.state.mirror)
 
     def may_regain(self, name: str) -> None:
         """A lost resource counts again when it speaks, obeys and mirrors, as its policy says."""
@@ -434,6 +444,8 @@ class _Turn:
             return
         if hubs.stuck(view, resource.mirror_within) and view.commanded:
             return
+        if view.state.goal_seq < now.sequence[name]:  # it has not taken the last command, even if that is what it mirrors
+            return
         if resource.reenable.policy is Policy.MANUAL:
             return
         if resource.reenable.policy is Policy.AFTER and now.at - now.lost[name] < (resource.reenable.after or 0.0):
@@ -441,7 +453,10 @@ class _Turn:
         self.regain(name)
 
     def regain(self, name: str) -> None:
-        self.set(lost={n: at for n, at in self.now.lost.items() if n != name})
+        self.set(
+            lost={n: at for n, at in self.now.lost.items() if n != name},
+            doubts={n: values for n, values in self.now.doubts.items() if n != name},
+        )
         self.adopt_mirror(name)
         self.note("back", f"'{name}' is back", resource=name)
         self.look_again()
@@ -1073,7 +1088,7 @@ class _Turn:
             if transition.kind is Kind.MAINTENANCE:
                 text = transition.instruction or f"Do '{transition.name}' and acknowledge."
                 self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name))
-            elif transition.kind is Kind.CONTROLLED and self.obeyed(transition):
+            elif transition.kind is Kind.CONTROLLED and self.obeyed(transition) and self.beyond_doubt(transition):
                 if following.purpose is Purpose.EXIT and at not in following.approved:
                     self.wish(
                         Wish(WishKind.APPROVAL, f"'{transition.name}' on the way out of a forbidden state", at, transition.name)
@@ -1096,6 +1111,23 @@ class _Turn:
             if view is not None and (name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner)):
                 return False
         return all(name in self.now.lost or self.mirrors(name) for name in self.station.tied.get(transition.name, ()))
+
+    def beyond_doubt(self, transition: Transition) -> bool:
+        """Whether a step is allowed, too, if lost hubs obey the commands that they have not mirrored."""
+        now = self.now
+        if not now.doubts:
+            return True
+        doubted = {variable: value for values in now.doubts.values() for variable, value in values.items()}
+        state = tuple(doubted.get(v.name, value) for v, value in zip(self.system.variables, now.state, strict=True))
+        after = fire(self.system, self.system.transition[transition.name], state)
+        if all(self.station.broken(one) <= self.station.broken(state) for one in after):
+            return True
+        if now.stuck is None:
+            names = ", ".join(f"'{name}'" for name in now.doubts)
+            why = f"'{transition.name}' has to wait: {names} may have got a command that makes it forbidden"
+            self.set(stuck=why)
+            self.note("alarm", why)
+        return False
 
     def mirrors(self, name: str) -> bool:
         """Whether a hub says that it obeys everything that is asked of it now."""

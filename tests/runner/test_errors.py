@@ -189,3 +189,20 @@ def test_what_an_automatic_transition_asks_of_a_lost_resource_is_what_that_is_to
     rig.wait(0.4, silent=("left",))
     assert "joins" in rig.notes("fired")
     assert rig.now.hubs["left"].commanded == {"left.to": rig.value("left.to")}
+
+
+def test_a_command_that_a_lost_hub_has_not_mirrored_is_taken_back():
+    rig = Rig()
+    rig.wait(0.4)
+    rig.deaf.add("left")
+    rig.answer()
+    assert rig.value("left.to") == "out"
+    rig.wait(1.6)
+    assert "left" in rig.now.lost
+    assert rig.value("left.to") == "home"
+    assert rig.sent("left")[-1].values == {"left.to": "home"}
+    assert rig.now.doubts == {"left": {"left.to": "out"}}
+    rig.deaf.clear()
+    rig.wait(1.0)
+    assert "left" not in rig.now.lost
+    assert not rig.now.doubts

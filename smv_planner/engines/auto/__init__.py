@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from smv_planner.engines.auto.clock import Over, watched
 from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.guide import NEVER
 from smv_planner.engines.auto.mutexes import FACTS, kept_apart
 from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
@@ -166,10 +167,10 @@ def by_parts(problem: Problem, warm: Session, parts: Iterable[tuple[Part, Proble
             case Unreachable(proof, argument):
                 return Unreachable(_of_the_whole(part, proof), argument)
             case Late(least, deadline):
-                unfinished = Late(depth + least, deadline)
+                unfinished = unfinished if isinstance(unfinished, NotWithin) else Late(depth + least, deadline)
                 if deadline:
                     return unfinished
-            case NotWithin() as found:
+            case NotWithin() as found:  # for certain: only a proof says more
                 unfinished = found
     if unfinished is not None:
         return unfinished
@@ -224,7 +225,8 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         guided = _guided(problem, warm, ground, tables, means.on_time)
         if not isinstance(guided, int):
             return guided
-        least = max(least, guided)
+        if guided < NEVER:  # that there is no way at all remains to be proved
+            least = max(least, guided)
     if _goes_on(found, problem, patience) and least <= problem.bound:
         found = _search(searching, problem, patience, means)
     if not (_goes_on(found, problem, states) and least <= problem.bound):
@@ -287,7 +289,12 @@ def _apart(
     few = isinstance(found, Ended) and found.number * patience <= MANY
     if few or not isinstance(found, Ended | Paused) or ground.packing.facts > FACTS:
         return None
-    proof = kept_apart(warm.mutexes(ground), ground, problem, lambda: on_time("looking at pairs of values"))
+    try:
+        proof = kept_apart(warm.mutexes(ground), ground, problem, lambda: on_time("looking at pairs of values"))
+    except Over:
+        if isinstance(found, Ended):  # there is a proof already
+            return None
+        raise
     return Unreachable(proof, APART) if proof else None
 
 
@@ -318,11 +325,14 @@ def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime
     if ended.number * patience <= MANY:
         return None
     ends = time.monotonic() + ended.number * SECONDS_PER_STATE * patience
-    for found in Frames(ground, problem).proof():
-        if isinstance(found, Inductive):
-            return found
-        if time.monotonic() > ends or not on_time(f"all {ended.number} states seen, looking for a short proof"):
-            return None
+    try:
+        for found in Frames(ground, problem).proof():
+            if isinstance(found, Inductive):
+                return found
+            if time.monotonic() > ends or not on_time(f"all {ended.number} states seen, looking for a short proof"):
+                return None
+    except Over:  # there is a proof already
+        pass
     return None
 
 
