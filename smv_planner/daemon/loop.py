@@ -38,7 +38,7 @@ from smv_planner.runner.events import (
     Withdraw,
 )
 from smv_planner.runner.situation import Phase, Situation, Station
-from smv_planner.runner.step import step
+from smv_planner.runner.step import LEAP, step
 
 log = logging.getLogger("smv_planner.daemon")
 
@@ -308,7 +308,7 @@ class Daemon:
         for event in events:
             now, wanted = step(self.station, now, event)
             outputs += wanted
-        if now.phase not in (Phase.JOINING, Phase.RUNNING) or now.epoch != self.situation.epoch:
+        if now.phase is Phase.FENCED_OUT or self.superseded(events):
             self._published.clear()  # whether it can be written or not: who rules no more has nothing to say again
         trouble = self.chronicle.trouble
         if not self.chronicle.write(self.situation, now, events, outputs):
@@ -324,6 +324,12 @@ class Daemon:
         for output in outputs:
             self.perform(output)
         return True
+
+    def superseded(self, events: list[Event]) -> bool:
+        """Whether a hub obeys a planner that comes after this one."""
+        said = [event.message for event in events if isinstance(event, Heard)]
+        mine, name = self.situation.epoch, self.situation.planner
+        return any(mine < each.epoch <= mine + LEAP or (each.epoch == mine > 0 and each.planner != name) for each in said)
 
     def hold(self) -> None:
         """Say again what was commanded last; nothing new may be."""
