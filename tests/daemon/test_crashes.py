@@ -196,7 +196,7 @@ def test_with_a_full_disk_it_holds_says_so_and_goes_on_afterwards(here: Station)
     here.phase("running")
     limit = resource.RLIMIT_FSIZE
     resource.prlimit(planner.child.pid, limit, (2048, resource.RLIM_INFINITY))
-    until(lambda: (here.say(keys.health) or {}).get("wrong"), "it is not well")
+    until(lambda: "journal" in str((here.say(keys.health) or {}).get("wrong")), "it cannot write")
     assert health("--journal", str(here.folder / "journal")) == UNHEALTHY
     asked = here.start("health")
     assert asked.child.wait(PATIENCE) == UNHEALTHY
