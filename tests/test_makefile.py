@@ -32,6 +32,6 @@ def test_nusmv_is_built_for_those_who_ask_it(target: str) -> None:
 
 
 def test_help_names_every_target() -> None:
-    shown = subprocess.run(["make", "help"], cwd=ROOT, capture_output=True, text=True, timeout=60).stdout
+    shown = subprocess.run(["make", "--no-print-directory", "help"], cwd=ROOT, capture_output=True, text=True, timeout=60).stdout
     (phony,) = (line for line in (ROOT / "Makefile").read_text().splitlines() if line.startswith(".PHONY:"))
     assert {line.split()[1] for line in shown.splitlines()} == set(phony.split()[1:])

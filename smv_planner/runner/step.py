@@ -360,9 +360,14 @@ class _Turn:
         return False
 
     def command_by_hand(self, values: Mapping[str, Value]) -> None:
-        """Goals that change because a device was moved by hand, even of a resource that is not there to obey."""
+        """Goals that change because a device was moved by hand, even of a resource that is not there to obey.
+
+        Whoever moves it sees what it does: there is no doubt about it any more.
+        """
         self.believe(values)
-        self.told |= {resource for name in values if (resource := self.system.resources[name]) is not None}
+        moved = {resource for name in values if (resource := self.system.resources[name]) is not None}
+        self.told |= moved
+        self.set(doubts={name: doubted for name, doubted in self.now.doubts.items() if name not in moved})
 
     def believe(self, values: Mapping[str, Value]) -> None:
         """Put values into the state; everything that depends on decision variables follows."""
@@ -433,8 +438,8 @@ class _Turn:
         view = self.now.hubs[name]
         if view.state is None or not view.commanded or dict(view.commanded) == dict(view.state.mirror):
             return
-        self.set(doubts={**self.now.doubts, name: view.commanded})
         self.command_by_hand(view.state.mirror)
+        self.set(doubts={**self.now.doubts, name: view.commanded})
 
     def may_regain(self, name: str) -> None:
         """A lost resource counts again when it speaks, obeys and mirrors, as its policy says."""
