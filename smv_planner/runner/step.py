@@ -176,7 +176,7 @@ class _Turn:
         now, at = self.now, self.now.at
         if now.phase is Phase.LISTENING:
             silent = {n for n, view in now.hubs.items() if view.state is None}
-            if all(self.silent_at_start(name) for name in silent):
+            if all(self.is_silent(name) for name in silent):
                 claimed = [view.state.epoch for view in now.hubs.values() if view.state]
                 epoch = max([now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)]) + 1
                 self.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0), published={})
@@ -193,13 +193,13 @@ class _Turn:
                 waits = f"nothing is known of {', '.join(map(repr, unknown))}, which has never spoken: waiting for it"
                 self.set(stuck=waits)
                 self.note("alarm", waits, resources=tuple(unknown))
-            if not unknown and all(hubs.fenced(view, now.epoch, now.planner) for view in living):
+            if not unknown and all(map(self.rules, living)):
                 self.set(phase=Phase.RUNNING, since=at, stuck=None)
                 self.note("running", f"epoch {now.epoch}: {len(living)} of {len(now.hubs)} hubs obey", epoch=now.epoch)
                 if now.executing:
                     self.need(Cause.RESUMED)
 
-    def silent_at_start(self, name: str) -> bool:
+    def is_silent(self, name: str) -> bool:
         limit = self.station.resources[name].silent_after or LISTEN
         return hubs.silent(self.now.hubs[name], self.now.at, limit)
 
@@ -244,7 +244,7 @@ class _Turn:
     def outvoted(self) -> bool:
         """Whether nobody but a single message has ever said that another planner has taken over."""
         return self.now.at - self.now.since > OUTVOTED and all(
-            self.rules(view) and not self.silent_at_start(name) for name, view in self.now.hubs.items()
+            self.rules(view) and not self.is_silent(name) for name, view in self.now.hubs.items()
         )
 
     # --- hearing --------------------------------------------------------------------------------------------
@@ -422,6 +422,7 @@ class _Turn:
                 self.lose(name, "does not obey")
 
     def rules(self, view: hubs.HubView) -> bool:
+        """Whether a hub obeys this planner in this epoch."""
         return hubs.fenced(view, self.now.epoch, self.now.planner)
 
     def lose(self, name: str, why: str) -> None:
@@ -444,8 +445,7 @@ class _Turn:
     def may_regain(self, name: str) -> None:
         """A lost resource counts again when it speaks, obeys and mirrors, as its policy says."""
         now, resource, view = self.now, self.station.resources[name], self.now.hubs[name]
-        limit = resource.silent_after or LISTEN
-        if view.state is None or hubs.silent(view, now.at, limit) or not hubs.fenced(view, now.epoch, now.planner):
+        if view.state is None or self.is_silent(name) or not self.rules(view):
             return
         if hubs.stuck(view, resource.mirror_within) and view.commanded:
             return
@@ -606,8 +606,7 @@ class _Turn:
         if name in self.now.disabled:
             self.enable_again([name])
         elif name in self.now.lost:
-            view, limit = self.now.hubs[name], self.station.resources[name].silent_after or LISTEN
-            if view.state is not None and not hubs.silent(view, self.now.at, limit):
+            if self.now.hubs[name].state is not None and not self.is_silent(name):
                 self.regain(name)
         elif name in self.now.intentions and self.now.intentions[name].status is Status.ERROR:
             self.pursue(name, replace(self.now.intentions[name], status=Status.EXECUTING, reason=""))
@@ -1113,7 +1112,7 @@ class _Turn:
         """
         for name in sorted({r for v in transition.assigned if (r := self.system.resources[v]) is not None}):
             view = self.now.hubs.get(name)
-            if view is not None and (name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner)):
+            if view is not None and (name in self.now.lost or not self.rules(view)):
                 return False
         return all(name in self.now.lost or self.mirrors(name) for name in self.station.tied.get(transition.name, ()))
 

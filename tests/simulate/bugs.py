@@ -244,8 +244,8 @@ BUGS = (
         "a planner that begins anew takes the epoch that it finds",
         Seed("door", 0, "I5"),
         STEP,
-        "epoch = max(newest, now.epoch) + 1",
-        "epoch = max(newest, now.epoch, 1)",
+        "epoch = max([now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)]) + 1",
+        "epoch = max([1, now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)])",
     ),
     _one(
         "a superseded planner goes on",
@@ -273,7 +273,7 @@ BUGS = (
         Seed("nutrunner", 1, "I6"),
         (
             Edit(STEP, "lost=frozenset(now.lost),", "lost=frozenset(),"),
-            Edit(STEP, "(name in self.now.lost or not hubs.fenced(view, self.now.epoch, self.now.planner))", "False"),
+            Edit(STEP, "(name in self.now.lost or not self.rules(view))", "False"),
         ),
     ),
     _one(
