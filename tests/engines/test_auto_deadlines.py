@@ -14,7 +14,7 @@ from generated import question
 from smv_planner.engines import auto, clauses, explicit
 from smv_planner.engines.auto import Late, Means, clock
 from smv_planner.engines.auto import _search as searched
-from smv_planner.engines.auto.search import Paused, explore
+from smv_planner.engines.auto.search import Paused, Search
 from smv_planner.engines.auto.session import session_of
 from smv_planner.problem import Problem, Undecided, Verdict
 
@@ -103,9 +103,9 @@ def test_what_is_remembered_counts_as_memory() -> None:
     problem = instances.mutex(16, entangled=True).problem
     session_of.cache_clear()
     tables = session_of(problem.system).variant(problem.allowed)[1]
-    counted = next(found for found in explore(tables, problem) if isinstance(found, Paused) and found.memos > 100)
+    counted = next(found for found in Search(tables, problem).explore() if isinstance(found, Paused) and found.memos > 100)
     little = Means(states=1 << 30, memory=auto.BYTES_PER_NODE * (counted.number + 100), on_time=lambda text: True)
-    found = searched(explore(tables, problem), problem, little.states, little)
+    found = searched(Search(tables, problem).explore(), problem, little.states, little)
     assert isinstance(found, Late)
     assert not found.deadline
     assert found.depth == counted.depth

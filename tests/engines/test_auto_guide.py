@@ -6,7 +6,7 @@ import pytest
 from generated import question
 
 from smv_planner.engines.auto.guide import Estimate
-from smv_planner.engines.auto.search import Paused, Tables, explore
+from smv_planner.engines.auto.search import Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.model.ltl import ALWAYS_TRUE
 from smv_planner.problem import Problem, Reached
@@ -20,7 +20,7 @@ def guided(seeds: range) -> Iterator[tuple[Problem, Tables, Estimate, Reached]]:
         ground, tables = session.variant(problem.allowed)
         estimate = session.guide(ground).estimate(problem)
         if estimate is not None and tables.allows(ground.packing.pack(problem.initial)):
-            for found in explore(tables, problem):
+            for found in Search(tables, problem).explore():
                 if isinstance(found, Reached) and found.path:
                     yield problem, tables, estimate, found
 
@@ -41,9 +41,11 @@ def test_no_distance_is_estimated_to_be_more_than_a_plan_takes(seeds: range) -> 
 def test_the_plan_is_the_one_found_without_leaving_out_what_is_too_far(seeds: range) -> None:
     fewer = 0
     for problem, tables, estimate, plan in guided(seeds):
-        *_, found = explore(tables, problem, within=(estimate, len(plan.path)))
+        search = Search(tables, problem)
+        remaining = search.remaining(estimate)
+        *_, found = search.explore(within=(remaining, len(plan.path)))
         assert found == plan
-        *paused, beyond = explore(tables, problem, within=(estimate, len(plan.path) - 1))
+        *paused, beyond = search.explore(within=(remaining, len(plan.path) - 1))
         assert isinstance(beyond, Paused)
         assert beyond.depth == len(plan.path)
         fewer += bool(paused)

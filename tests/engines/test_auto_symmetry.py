@@ -13,7 +13,7 @@ from engines.test_auto import LIMITS, same, stands, token_ring
 from smv_planner.check import check_proof
 from smv_planner.engines import auto, explicit
 from smv_planner.engines.auto import symmetry
-from smv_planner.engines.auto.search import Ended, explore
+from smv_planner.engines.auto.search import Ended, Search
 from smv_planner.engines.auto.session import session_of
 from smv_planner.engines.auto.symmetry import Fold
 from smv_planner.model.domains import Enum, Range
@@ -77,7 +77,7 @@ def folded(problem: Problem) -> tuple[Fold | None, Verdict | Ended | None]:
     ground, tables = session.variant(problem.allowed)
     fold = session.symmetries(ground).fold(problem)
     found = None
-    for found in explore(tables, problem, fold):
+    for found in Search(tables, problem).explore(fold):
         if isinstance(found, Reached | Ended):
             return fold, found
     return fold, NotWithin(problem.bound)

@@ -19,7 +19,7 @@ from smv_planner.engines.auto.guide import NEVER
 from smv_planner.engines.auto.mutexes import FACTS, kept_apart
 from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
-from smv_planner.engines.auto.search import Ended, Paused, Tables, explore
+from smv_planner.engines.auto.search import Ended, Paused, Search, Tables
 from smv_planner.engines.auto.session import Session, session_of
 from smv_planner.problem import (
     Exhausted,
@@ -198,7 +198,8 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     """
     hard, states = warm.hard(ground), means.states
     tables.trim(means.memory // BYTES_PER_NODE // 4)
-    searching, fold = explore(tables, problem), None
+    search = Search(tables, problem)
+    searching, fold = search.explore(), None
     found = _search(searching, problem, min(SOME if hard else FEW, states), means)
     if isinstance(found, Paused | Ended):
         warm.was_hard(ground)
@@ -222,7 +223,7 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
             return apart
     least = found.depth if isinstance(found, Paused) else 0
     if _goes_on(found, problem, states):
-        guided = _guided(problem, warm, ground, tables, means.on_time)
+        guided = _guided(search, warm, ground, means.on_time)
         if not isinstance(guided, int):
             return guided
         if guided < NEVER:  # that there is no way at all remains to be proved
@@ -232,7 +233,7 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     if not (_goes_on(found, problem, states) and least <= problem.bound):
         fold = None
     if fold is not None:
-        searching = explore(tables, problem, fold)
+        searching = search.explore(fold)
         states = min(states * (FOLDED if folds else 1), means.memory // BYTES_PER_NODE)
         effort *= LASTING if folds else 1
     alike = 1 if fold is None else FOLDED
@@ -247,7 +248,7 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     if isinstance(found, Ended):
         short = _short_proof(found, ground, problem, means.on_time, alike)
         if short is None and fold is not None:
-            found = _search(explore(tables, problem), problem, means.memory // BYTES_PER_NODE, means)
+            found = _search(search.explore(), problem, means.memory // BYTES_PER_NODE, means)
         if short is not None:
             return Unreachable(short, PRESERVED)
         if isinstance(found, Ended):
@@ -260,16 +261,18 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     return found
 
 
-def _guided(problem: Problem, warm: Session, ground: Ground, tables: Tables, on_time: OnTime) -> Reached | Late | int:
+def _guided(search: Search, warm: Session, ground: Ground, on_time: OnTime) -> Reached | Late | int:
     """Search among states from which the goals may be near enough, if few are. A number says how many steps are needed."""
+    problem = search.problem
     estimate = warm.guide(ground).estimate(problem)
     if estimate is None:
         return 0
+    remaining = search.remaining(estimate)
     limit = estimate(ground.packing.pack(problem.initial), -1)
     left = GUIDED if len(problem.goals) == 1 else GUIDED_TO_SEVERAL
     while limit <= problem.bound:
         found: Reached | Ended | Paused = Paused(limit, 0)
-        for found in explore(tables, problem, within=(estimate, limit)):
+        for found in search.explore(within=(remaining, limit)):
             match found:
                 case Reached():
                     return replace(found, argument=NEAR)

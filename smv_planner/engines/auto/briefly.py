@@ -6,7 +6,7 @@ Bounded by effort and not by time, so that the same question is always answered 
 from __future__ import annotations
 
 from smv_planner.engines.auto.relaxed import out_of_reach
-from smv_planner.engines.auto.search import Ended, explore
+from smv_planner.engines.auto.search import Ended, Search
 from smv_planner.engines.auto.session import session_of
 from smv_planner.model.semantics import judge
 from smv_planner.problem import Exhausted, Problem, Reached, Undecided, Unreachable, Verdict
@@ -24,7 +24,7 @@ def briefly(problem: Problem) -> Verdict:
     proof = out_of_reach(warm.abstraction(ground), ground, problem)
     if proof:
         return Unreachable(proof)
-    for found in explore(tables, problem):
+    for found in Search(tables, problem).explore():
         match found:
             case Reached():
                 return found

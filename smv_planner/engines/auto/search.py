@@ -231,132 +231,142 @@ class Watch:
         return self._numbers[owed]
 
 
-def explore(
-    tables: Tables,
-    problem: Problem,
-    fold: Fold | None = None,
-    chunk: int = 2048,
-    within: tuple[Estimate, int] | None = None,
-) -> Iterator[Reached | Ended | Paused]:
-    """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
+class Remaining(dict[int, int]):
+    """How many steps there are at least from a node: what an estimate says, kept for as long as a question is worked on."""
 
-    The first hit is a shortest plan. The initial state has to be allowed. With `fold`, one of all nodes that fold into
-    the same is looked at; what has `Ended` then has no proof.
+    def __init__(self, estimate: Estimate, watch: Watch, width: int) -> None:
+        super().__init__()
+        self._estimate = estimate
+        self._obligations = watch.obligations
+        self._width = width
 
-    `within` leaves out nodes that, as is estimated, are on no plan of so many steps; the last pause then says how many
-    steps there have to be instead. What is estimated may drop by one with each step, so a plan that is found is the one
-    found without: the first to lead to any node that is not left out is not left out either.
-    """
-    packing, width = tables.packing, tables.packing.width
-    watch = Watch(tables.ground, problem)
-    usable = tables.ground.usable(problem.unusable)
-    ways = tables.ways(usable)
-    duties: dict[tuple[int, bool, int], tuple[int, ...] | None] = {}
-    moving = [(view.part, view) for view in tables.views]
-    watching = [(view.part, view) for view in watch.views]
-    full, watched = tables.full, watch.full
+    def __missing__(self, node: int) -> int:
+        self[node] = steps = self._estimate(node, self._obligations[node >> self._width])
+        return steps
 
-    start = packing.pack(problem.initial)
-    if fold is not None:
-        start = fold(start)
-        folded = fold.part
-    parent: dict[int, int] = {start: start}
-    forbidden: set[int] = set()
-    frontier = [start]
-    depth = 0
-    estimate, limit = within or (None, 0)
-    obligations, beyond = watch.obligations, FAR
-    while frontier and depth <= problem.bound:
-        yield Paused(depth, len(parent))
-        following: list[int] = []
-        for looked, node in enumerate(frontier):
-            if looked % chunk == chunk - 1:
-                yield Paused(depth, len(parent), tables.entries() + len(fold or ()))
-            mask, seen = full, watched
-            for part, view in moving:
-                mask &= view[node & part]
-            for part, view in watching:
-                seen &= view[node & part]
-            way = ways.get(mask)
-            if way is None:
-                way = ways[mask] = tables.way(mask, usable)
-            if not way.allowed:
-                forbidden.add(node)
-                continue
-            key = (seen, way.settled, node >> width)
-            if key in duties:
-                duty = duties[key]
-            else:
-                duty = duties[key] = watch.duty(*key)
-            if duty is None:
-                yield _trace(tables, problem, node, parent, fold)
-                return
-            for left in duty:
-                for keep, put in way.fixed:
-                    new = node & keep | put | left
-                    if fold is not None:
-                        part = new & folded
-                        new ^= part ^ fold[part]
-                    if new not in parent:
-                        if estimate is not None:
-                            steps = depth + 1 + estimate(new, obligations[new >> width])
-                            if steps > limit:
-                                beyond = min(beyond, steps)
+
+class Search:
+    """A question to be answered by looking at nodes; what is found out about its formula serves every pass over them."""
+
+    def __init__(self, tables: Tables, problem: Problem) -> None:
+        self.tables = tables
+        self.problem = problem
+        self.usable = tables.ground.usable(problem.unusable)
+        self._watch = Watch(tables.ground, problem)
+        self._duties: dict[tuple[int, bool, int], tuple[int, ...] | None] = {}
+
+    def remaining(self, estimate: Estimate) -> Remaining:
+        return Remaining(estimate, self._watch, self.tables.packing.width)
+
+    def explore(
+        self, fold: Fold | None = None, chunk: int = 2048, within: tuple[Remaining, int] | None = None
+    ) -> Iterator[Reached | Ended | Paused]:
+        """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
+
+        The first hit is a shortest plan. The initial state has to be allowed. With `fold`, one of all nodes that fold into
+        the same is looked at; what has `Ended` then has no proof.
+
+        `within` leaves out nodes that, as is estimated, are on no plan of so many steps; the last pause then says how many
+        steps there have to be instead. What is estimated may drop by one with each step, so a plan that is found is the one
+        found without: the first to lead to any node that is not left out is not left out either.
+        """
+        tables, watch, usable, duties = self.tables, self._watch, self.usable, self._duties
+        packing, width = tables.packing, tables.packing.width
+        ways = tables.ways(usable)
+        moving = [(view.part, view) for view in tables.views]
+        watching = [(view.part, view) for view in watch.views]
+        full, watched = tables.full, watch.full
+        bound = self.problem.bound
+
+        start = packing.pack(self.problem.initial)
+        if fold is not None:
+            start = fold(start)
+            folded = fold.part
+        parent: dict[int, int] = {start: start}
+        forbidden: set[int] = set()
+        frontier = [start]
+        depth = 0
+        remaining, limit = within or (None, 0)
+        beyond = FAR
+        while frontier and depth <= bound:
+            yield Paused(depth, len(parent))
+            following: list[int] = []
+            left_over = limit - depth - 1
+            for looked, node in enumerate(frontier):
+                if looked % chunk == chunk - 1:
+                    yield Paused(depth, len(parent), tables.entries() + len(fold or ()))
+                mask, seen = full, watched
+                for part, view in moving:
+                    mask &= view[node & part]
+                for part, view in watching:
+                    seen &= view[node & part]
+                way = ways.get(mask)
+                if way is None:
+                    way = ways[mask] = tables.way(mask, usable)
+                if not way.allowed:
+                    forbidden.add(node)
+                    continue
+                key = (seen, way.settled, node >> width)
+                if key in duties:
+                    duty = duties[key]
+                else:
+                    duty = duties[key] = watch.duty(*key)
+                if duty is None:
+                    yield self._trace(node, parent, fold)
+                    return
+                for left in duty:
+                    found = [node & keep | put | left for keep, put in way.fixed]
+                    for keep, computed in way.computed:
+                        found.append(node & keep | computed[node & computed.part] | left)
+                    for new in found:
+                        if fold is not None:
+                            part = new & folded
+                            new ^= part ^ fold[part]
+                        if new not in parent:
+                            if remaining is not None and remaining[new] > left_over:
+                                beyond = min(beyond, depth + 1 + remaining[new])
                                 continue
-                        parent[new] = node
-                        following.append(new)
-                for keep, computed in way.computed:
-                    new = node & keep | computed[node & computed.part] | left
-                    if fold is not None:
-                        part = new & folded
-                        new ^= part ^ fold[part]
-                    if new not in parent:
-                        if estimate is not None:
-                            steps = depth + 1 + estimate(new, obligations[new >> width])
-                            if steps > limit:
-                                beyond = min(beyond, steps)
-                                continue
-                        parent[new] = node
-                        following.append(new)
-        frontier = following
-        depth += 1
-    if frontier or estimate is not None:
-        yield Paused(min(depth, beyond) if frontier else beyond, len(parent))
-        return
-    low = (1 << width) - 1
-    looked_at = parent.keys() - forbidden
-    yield Ended(
-        number=len(looked_at),
-        proof=lambda: Exhausted(frozenset((packing.unpack(node & low), watch.obligations[node >> width]) for node in looked_at)),
-    )
+                            parent[new] = node
+                            following.append(new)
+            frontier = following
+            depth += 1
+        if frontier or remaining is not None:
+            yield Paused(min(depth, beyond) if frontier else beyond, len(parent))
+            return
+        low = (1 << width) - 1
+        looked_at = parent.keys() - forbidden
+        yield Ended(
+            number=len(looked_at),
+            proof=lambda: Exhausted(
+                frozenset((packing.unpack(node & low), watch.obligations[node >> width]) for node in looked_at)
+            ),
+        )
 
+    def _trace(self, node: int, parent: dict[int, int], fold: Fold | None) -> Reached:
+        nodes = [node]
+        while parent[node] != node:
+            node = parent[node]
+            nodes.append(node)
+        packing = self.tables.packing
+        low = (1 << packing.width) - 1
+        now = packing.pack(self.problem.initial)
+        path, states = [], [self.problem.initial]
+        for wanted in reversed(nodes[:-1]):
+            following = self._steps(now)
+            step = next((step for step in following if wanted & low == (step[1] if fold is None else fold(step[1]))), None)
+            assert step is not None, "a node follows on its parent by one of the parent's actions"
+            name, now = step
+            path.append(name)
+            states.append(packing.unpack(now))
+        return Reached(tuple(path), tuple(states))
 
-def _trace(tables: Tables, problem: Problem, node: int, parent: dict[int, int], fold: Fold | None) -> Reached:
-    nodes = [node]
-    while parent[node] != node:
-        node = parent[node]
-        nodes.append(node)
-    packing = tables.packing
-    low = (1 << packing.width) - 1
-    usable = tables.ground.usable(problem.unusable)
-    now = packing.pack(problem.initial)
-    path, states = [], [problem.initial]
-    for wanted in reversed(nodes[:-1]):
-        following = _steps(tables, usable, now)
-        step = next((step for step in following if wanted & low == (step[1] if fold is None else fold(step[1]))), None)
-        assert step is not None, "a node follows on its parent by one of the parent's actions"
-        name, now = step
-        path.append(name)
-        states.append(packing.unpack(now))
-    return Reached(tuple(path), tuple(states))
-
-
-def _steps(tables: Tables, usable: int, before: int) -> Iterator[tuple[str, int]]:
-    """The steps from a packed state, by the names of their transitions."""
-    mask = tables.full
-    for view in tables.views:
-        mask &= view[before & view.part]
-    for at in tables.way(mask, usable).actions:
-        move = tables.moves[at]
-        put = move.put if move.computed is None else move.computed[before & move.computed.part]
-        yield tables.ground.actions[at].transition.name, before & move.keep | put
+    def _steps(self, before: int) -> Iterator[tuple[str, int]]:
+        """The steps from a packed state, by the names of their transitions."""
+        tables = self.tables
+        mask = tables.full
+        for view in tables.views:
+            mask &= view[before & view.part]
+        for at in tables.way(mask, self.usable).actions:
+            move = tables.moves[at]
+            put = move.put if move.computed is None else move.computed[before & move.computed.part]
+            yield tables.ground.actions[at].transition.name, before & move.keep | put
