@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import islice
 from random import Random
 from types import ModuleType
 
 import pytest
 from bench import instances
+from engines.questions import ask, is_, step
 from engines.test_auto import BY_CLAUSES, BY_SEARCH, LIMITS, questions_about_one_system, same, stands
 from generated import question
 
@@ -16,6 +18,9 @@ from smv_planner.engines.auto import Late, Means, clock
 from smv_planner.engines.auto import _search as searched
 from smv_planner.engines.auto.search import Paused, Search
 from smv_planner.engines.auto.session import session_of
+from smv_planner.model.domains import Range
+from smv_planner.model.expressions import TRUE, conjunction
+from smv_planner.model.system import Any
 from smv_planner.problem import Problem, Undecided, Verdict
 
 
@@ -95,6 +100,17 @@ def test_the_largest_questions_are_left_at_the_next_look(name: str, engine: Modu
         assert isinstance(answered, Undecided), answered
         assert answered.deadline
         assert watch.looks == looks + 1
+    session_of.cache_clear()
+
+
+def test_a_search_pauses_by_what_it_does_and_not_by_states() -> None:
+    """Few states, each with very many moves."""
+    names = ("x", "y", "z")
+    choosing = [step(f"choose {name}", TRUE, {name: Any()}) for name in names]
+    problem = ask(dict.fromkeys(names, (Range(0, 300), 0)), choosing, conjunction(is_(name, 300) for name in names))
+    tables = session_of(problem.system).variant(problem.allowed)[1]
+    pauses = list(islice(Search(tables, problem).explore(chunk=10_000), 50))
+    assert all(isinstance(pause, Paused) and pause.depth < 2 for pause in pauses)
     session_of.cache_clear()
 
 

@@ -30,6 +30,9 @@ FAR = 1 << 30
 MEMO = 500_000
 """How many entries the memos of a warm session may hold before they start afresh."""
 
+WORK = 20_000
+"""How many moves and views are looked at before others get their turn: some milliseconds."""
+
 
 @dataclass(frozen=True, slots=True)
 class Move:
@@ -58,13 +61,14 @@ class Computed(dict[int, int]):
 
 @dataclass(frozen=True, slots=True)
 class Way:
-    """What can be done from nodes that look alike."""
+    """What can be done from nodes that look alike; `work` is how much it takes to look at such a node."""
 
     allowed: bool
     settled: bool
     fixed: tuple[tuple[int, int], ...]
     computed: tuple[tuple[int, Computed], ...]
     actions: tuple[int, ...]
+    work: int
 
 
 class Tables:
@@ -124,6 +128,7 @@ class Tables:
             fixed=tuple([(move.keep, move.put) for move in chosen if move.computed is None]),
             computed=tuple([(move.keep, move.computed) for move in chosen if move.computed is not None]),
             actions=tuple([move.action for move in chosen]),
+            work=len(chosen) + len(self.views),
         )
 
     def entries(self) -> int:
@@ -259,9 +264,9 @@ class Search:
         return Remaining(estimate, self._watch, self.tables.packing.width)
 
     def explore(
-        self, fold: Fold | None = None, chunk: int = 2048, within: tuple[Remaining, int] | None = None
+        self, fold: Fold | None = None, chunk: int = WORK, within: tuple[Remaining, int] | None = None
     ) -> Iterator[Reached | Ended | Paused]:
-        """Look at nodes, `chunk` by chunk and no deeper than the bound; pauses after each chunk and each step of depth.
+        """Look at nodes no deeper than the bound; pauses after each `chunk` of work and each step of depth.
 
         The first hit is a shortest plan. The initial state has to be allowed. With `fold`, one of all nodes that fold into
         the same is looked at; what has `Ended` then has no proof.
@@ -285,15 +290,16 @@ class Search:
         parent: dict[int, int] = {start: start}
         forbidden: set[int] = set()
         frontier = [start]
-        depth = 0
+        depth = work = 0
         remaining, limit = within or (None, 0)
         beyond = FAR
         while frontier and depth <= bound:
             yield Paused(depth, len(parent))
             following: list[int] = []
             left_over = limit - depth - 1
-            for looked, node in enumerate(frontier):
-                if looked % chunk == chunk - 1:
+            for node in frontier:
+                if work > chunk:
+                    work = 0
                     yield Paused(depth, len(parent), tables.entries() + len(fold or ()))
                 mask, seen = full, watched
                 for part, view in moving:
@@ -303,6 +309,7 @@ class Search:
                 way = ways.get(mask)
                 if way is None:
                     way = ways[mask] = tables.way(mask, usable)
+                work += way.work
                 if not way.allowed:
                     forbidden.add(node)
                     continue
