@@ -16,6 +16,7 @@ ROOT = Path(__file__).parents[1]
 
 PLANTED = {
     "Layers: imports point down": ("smv_planner/model/domains.py", "import smv_planner.planner.reach"),
+    "The runner hands an event down": ("smv_planner/runner/goals.py", "import smv_planner.runner.hearing"),
     "The kernel knows the model and the problem alone": ("smv_planner/check/plan.py", "import smv_planner.export.smv"),
     "Pure packages touch no world": ("smv_planner/planner/reach.py", "import subprocess"),
     "A hub knows the model's values and nothing of planning": ("smv_planner/protocol/hub.py", "import smv_planner.problem"),

@@ -38,7 +38,8 @@ from smv_planner.runner.events import (
     Withdraw,
 )
 from smv_planner.runner.situation import Phase, Situation, Station
-from smv_planner.runner.step import LEAP, step
+from smv_planner.runner.step import step
+from smv_planner.runner.taking_over import LEAP
 
 log = logging.getLogger("smv_planner.daemon")
 

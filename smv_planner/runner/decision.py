@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from smv_planner.check import CheckedPlan
+from smv_planner.model.domains import Value
 from smv_planner.model.ltl import Formula
 from smv_planner.model.system import State
 from smv_planner.planner.sequences import OperationPlan
@@ -87,6 +88,19 @@ class Following:
         """The steps that wait for nothing, in the plan's total order."""
         waiting = (at for at in range(len(self.plan.trace.path)) if at not in self.done)
         return tuple(at for at in waiting if self.done.issuperset(self.plan.after[at]))
+
+    def having_done(self, at: int) -> Following:
+        return replace(self, done=self.done.union([at]))
+
+    def waits_for(self, transition: str) -> bool:
+        """Whether the transition is a step that remains."""
+        return any(name == transition and at not in self.done for at, name in enumerate(self.plan.trace.path))
+
+    def target(self, at: int) -> Mapping[str, Value]:
+        """What a step of the plan makes of the variables it assigns."""
+        trace, system = self.plan.trace, self.plan.problem.system
+        assigned = [action.variable for action in system.transition[trace.path[at]].actions]
+        return {name: trace.states[at + 1][system.index[name]] for name in assigned}
 
 
 @dataclass(frozen=True, slots=True)

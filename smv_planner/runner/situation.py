@@ -10,7 +10,7 @@ from math import inf
 from typing import TypeVar
 
 from smv_planner.model.domains import Value
-from smv_planner.model.expressions import meaning, variables_of
+from smv_planner.model.expressions import Expr, meaning, variables_of
 from smv_planner.model.ltl import Formula, atoms, holds
 from smv_planner.model.model import Intention, Model, Resource
 from smv_planner.model.semantics import Steps, ready
@@ -297,9 +297,15 @@ class Station:
     def _begun(self) -> dict[State, tuple[str, ...]]:
         return {}
 
+    def holds(self, predicate: Expr, state: State) -> bool:
+        """Whether a predicate holds in a state; compiled when it is asked for the first time."""
+        judge = self._judges.get(predicate)
+        if judge is None:
+            judge = self._judges[predicate] = meaning(predicate, self.system.index)
+        return bool(judge(state))
+
     @cached_property
-    def judges(self) -> dict[object, Judge]:
-        """Predicates compiled so far; a cache, and nobody's business but the runner's."""
+    def _judges(self) -> dict[Expr, Judge]:
         return {}
 
 

@@ -9,7 +9,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from smv_planner.model.domains import show_value
-from smv_planner.model.expressions import meaning
 from smv_planner.model.system import Kind
 from smv_planner.runner.decision import Following, Purpose
 from smv_planner.runner.events import Note
@@ -145,10 +144,9 @@ def abilities(station: Station, now: Situation) -> dict[str, tuple[str, ...]]:
     """By resource, its predicates that hold; the scenario's own under its name."""
     found: dict[str, list[str]] = {}
     for name, expr in station.model.predicates.items():
-        judge = station.judges.setdefault(expr, meaning(expr, station.system.index))
         owner, _, word = name.rpartition(".")
         held = found.setdefault(owner or station.model.name, [])
-        if judge(now.state):
+        if station.holds(expr, now.state):
             held.append(word)
     return {owner: tuple(held) for owner, held in found.items()}
 

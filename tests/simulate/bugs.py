@@ -85,7 +85,7 @@ def _one(name: str, finder: Finder, file: str, old: str, new: str) -> Bug:
     return Bug(name, finder, (Edit(file, old, new),))
 
 
-STEP, HUB, VIEW = "runner/step.py", "protocol/hub.py", "protocol/view.py"
+HUB, VIEW = "protocol/hub.py", "protocol/view.py"
 STATION = "assembly_station"
 
 BUGS = (
@@ -114,7 +114,7 @@ BUGS = (
                 "    return dict(timers) | {\n        name: timers.get(name, at)",
             ),
             Edit(
-                STEP,
+                "runner/turn.py",
                 "timers = {name: since for name, since in self.now.timers.items() if self.station.enabled[name](state)}",
                 "timers = self.now.timers",
             ),
@@ -123,7 +123,7 @@ BUGS = (
     _one(
         "an answer to an old question is taken",
         Seed("nutrunner", 6, "I8"),
-        STEP,
+        "runner/asking.py",
         "if asked is None or asked.revision != revision:",
         "if asked is None:",
     ),
@@ -144,21 +144,21 @@ BUGS = (
     _one(
         "at a start goals come from the initial state, not from the mirror",
         Seed("nutrunner", 0, "I3"),
-        STEP,
-        "self.believe({**state.measured, **state.mirror})",
-        "self.believe({**state.measured})",
+        "runner/resources.py",
+        "turn.believe({**state.measured, **state.mirror})",
+        "turn.believe({**state.measured})",
     ),
     _one(
         "commands do not wait for those that they depend on",
         Seed(STATION, 0, "true"),
-        STEP,
-        "return all(name in self.now.lost or self.mirrors(name) for",
+        "runner/plan_steps.py",
+        "return all(name in turn.now.lost or goals.mirrors(turn, name) for",
         "return all(True for",
     ),
     _one(
         "timed-out effects are planned on",
         Seed("nutrunner", 0, "I7"),
-        STEP,
+        "runner/asking.py",
         "disabled=frozenset(now.disabled),",
         "disabled=frozenset(),",
     ),
@@ -181,15 +181,15 @@ BUGS = (
     _one(
         "goals are sent under the old number",
         Seed("nutrunner", 0, "I5"),
-        STEP,
-        "number = self.now.sequence[name] + 1",
-        "number = self.now.sequence[name] or 1",
+        "runner/goals.py",
+        "number = turn.now.sequence[name] + 1",
+        "number = turn.now.sequence[name] or 1",
     ),
     _one(
         "nobody notices that a hub is silent",
         Seed("nutrunner", 1, "I6"),
-        STEP,
-        "if limit is not None and hubs.silent(view, self.now.at, limit):",
+        "runner/resources.py",
+        "if limit is not None and hubs.silent(view, turn.now.at, limit):",
         "if False:",
     ),
     Bug(
@@ -201,20 +201,20 @@ BUGS = (
                 "    interface = station.interfaces[resource]\n",
                 "    return None\n    interface = station.interfaces[resource]\n",
             ),
-            Edit(STEP, "self.believe({**state.measured, **state.mirror})", "self.believe({**state.measured})"),
+            Edit("runner/resources.py", "turn.believe({**state.measured, **state.mirror})", "turn.believe({**state.measured})"),
         ),
     ),
     _one(
         "failures are not counted",
         Case(STATION, "e8_for_ever"),
-        STEP,
+        "runner/failures.py",
         "failures[operation.name] = failures.get(operation.name, 0) + 1",
         "failures[operation.name] = 1",
     ),
     _one(
         "what an intention still owes is forgotten",
         Story("test_intentions.py", "test_activating_what_is_pursued_already_forgets_nothing_that_is_owed"),
-        STEP,
+        "runner/turn.py",
         "owed=progressed(formula, old, index))",
         "owed=formula)",
     ),
@@ -228,43 +228,43 @@ BUGS = (
     _one(
         "a confirmation counts for whatever is asked now",
         Story("test_operator.py", "test_a_confirmation_said_again_confirms_nothing_that_was_asked_for_since"),
-        STEP,
+        "runner/orders.py",
         '"""Done, says the operator. Confirming twice, or what is no longer wanted, changes nothing."""\n'
-        "        wish = self.now.wishes.get(request)",
-        "request, wish = next(reversed(self.now.wishes.items()), (request, None))",
+        "    wish = turn.now.wishes.get(request)",
+        "request, wish = next(reversed(turn.now.wishes.items()), (request, None))",
     ),
     _one(
         "maintenance counts as confirmed when it is asked for",
         Story("test_step.py", "test_nothing_goes_on_under_the_hands_of_the_operator"),
-        STEP,
-        "self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name))",
-        "self.wish(Wish(WishKind.MAINTENANCE, text, at, transition.name, confirmed_at=now.at))",
+        "runner/plan_steps.py",
+        "operator.ask(turn, Wish(WishKind.MAINTENANCE, text, at, transition.name))",
+        "operator.ask(turn, Wish(WishKind.MAINTENANCE, text, at, transition.name, confirmed_at=now.at))",
     ),
     _one(
         "a planner that begins anew takes the epoch that it finds",
         Seed("door", 0, "I5"),
-        STEP,
+        "runner/taking_over.py",
         "epoch = max([now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)]) + 1",
         "epoch = max([1, now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)])",
     ),
     _one(
         "a superseded planner goes on",
         Seed("nutrunner", 0, "fence"),
-        STEP,
+        "runner/taking_over.py",
         "or not hubs.superseded(view, now.epoch, now.planner):",
         "or True:",
     ),
     _one(
         "nobody is asked before a step out of a forbidden state",
         Story("test_forbidden.py", "test_the_way_out_goes_on_when_the_intention_is_reached_on_it"),
-        STEP,
+        "runner/plan_steps.py",
         "if following.purpose is Purpose.EXIT and at not in following.approved:",
         "if False:",
     ),
     _one(
         "nobody notices that a hub is stuck",
         Story("test_step.py", "test_a_hub_that_speaks_but_does_not_mirror_is_lost"),
-        STEP,
+        "runner/resources.py",
         "elif stuck := hubs.stuck(view, resource.mirror_within):",
         "elif stuck := ():",
     ),
@@ -272,16 +272,16 @@ BUGS = (
         "resources that are lost are planned with and commanded",
         Seed("nutrunner", 1, "I6"),
         (
-            Edit(STEP, "lost=frozenset(now.lost),", "lost=frozenset(),"),
-            Edit(STEP, "(name in self.now.lost or not self.rules(view))", "False"),
+            Edit("runner/asking.py", "lost=frozenset(now.lost),", "lost=frozenset(),"),
+            Edit("runner/plan_steps.py", "(name in turn.now.lost or not resources.obeys(turn, view))", "False"),
         ),
     ),
     _one(
         "automatic transitions wait while a plan is followed",
         Seed("nutrunner", 0, "I8"),
-        STEP,
-        "if due is None or self.now.halted == UNSETTLED:",
-        "if due is None or self.now.following or self.now.halted == UNSETTLED:",
+        "runner/advancing.py",
+        "if due is None or turn.now.halted == UNSETTLED:",
+        "if due is None or turn.now.following or turn.now.halted == UNSETTLED:",
     ),
 )
 
