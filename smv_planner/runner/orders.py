@@ -102,7 +102,7 @@ def _approve(turn: Turn, request: str) -> None:
         case WishKind.SUBSTITUTE:
             turn.set(halted=None)
         case WishKind.RETRY:
-            failures.allow_again(turn, [name for name in turn.now.spent if wish.transition in (None, name)])
+            failures.allow_again(turn, [name for name in turn.now.spent if name == wish.transition])
 
 
 def _reenable(turn: Turn, name: str) -> None:

@@ -49,13 +49,14 @@ def take_over(turn: Turn) -> None:
     """From listening to holding under a new epoch, and from there to running."""
     now, at = turn.now, turn.now.at
     if now.phase is Phase.LISTENING:
-        silent = {n for n, view in now.hubs.items() if view.state is None}
+        silent = [name for name, view in now.hubs.items() if view.state is None]
         if all(resources.is_silent(turn, name) for name in silent):
             claimed = [view.state.epoch for view in now.hubs.values() if view.state]
             epoch = max([now.epoch, *(one for one in claimed if one <= now.epoch + LEAP)]) + 1
             turn.set(phase=Phase.JOINING, epoch=epoch, since=at, sequence=dict.fromkeys(now.hubs, 0), published={})
-            for name in silent - set(now.lost):
-                resources.lose(turn, name, "has not spoken since the planner began")
+            for name in silent:
+                if name not in now.lost:
+                    resources.lose(turn, name, "has not spoken since the planner began")
             for name in now.hubs:
                 if name not in silent:
                     resources.adopt_mirror(turn, name)

@@ -35,6 +35,14 @@ def test_a_hub_that_was_silent_when_the_planner_began_comes_back_after_its_time(
     assert len(later.sent("right")) > told
 
 
+def test_hubs_that_have_not_spoken_are_lost_in_declared_order() -> None:
+    more = [f"arm_{number}" for number in range(8)]
+    idle = "".join(f"  {name}: {{template: arm}}\n" for name in more)
+    rig = Rig(edited(TWO_ARMS, ("  right: {template: arm}\n", "  right: {template: arm}\n" + idle)))
+    rig.wait(2.0, silent=tuple(more))
+    assert list(rig.now.lost) == more
+
+
 def test_a_hub_that_dies_while_the_planner_joins_does_not_hold_it_up() -> None:
     later = _succeeded(Rig().begin(), TWO_ARMS, deaf="right")
     later.wait(0.4)
