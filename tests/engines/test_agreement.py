@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from functools import cache
 
 import pytest
 from generated import question
@@ -11,9 +12,12 @@ from smv_planner.check import CheckedPlan, check_plan, check_proof
 from smv_planner.engines import ENGINES, Limits, explicit
 from smv_planner.model.ltl import co_safe
 from smv_planner.planner.deorder import proposals
-from smv_planner.problem import NotWithin, Problem, Reached, Unreachable, Verdict
+from smv_planner.problem import NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
 
-LIMITS = Limits(deadline=120, memory=4 << 30, progress=lambda text: None)
+LIMITS = Limits(deadline=3600, memory=4 << 30, progress=lambda text: None)
+"""An hour is for what hangs. Question 501 alone keeps the explicit search busy for half a minute, and on a machine that is
+busy with other things for some minutes."""
+
 QUICK, THOROUGH = 200, 2000
 PORTION = 25
 """Questions per test, so that the work can be shared among cores."""
@@ -49,10 +53,8 @@ def test_every_engine_agrees_with_the_explicit_one_at_length(engine: str, seeds:
 def agree(engine: str, seeds: range) -> None:
     for seed in seeds:
         problem = question(seed)
-        expected = explicit.ask(problem, LIMITS)
         answered = ENGINES[engine].ask(problem, LIMITS)
-        bounded = isinstance(answered, NotWithin) or isinstance(expected, NotWithin)  # one may prove what the other cannot
-        assert summary(answered, bounded) == summary(expected, bounded), f"question {seed}"
+        assert same(summary(engine, answered), expected(seed)), f"question {seed}"
         match answered:
             case Reached():
                 accepted = check_plan(problem, answered, proposals(problem, answered))
@@ -61,16 +63,31 @@ def agree(engine: str, seeds: range) -> None:
                 assert check_proof(problem, proof) is None, f"question {seed}"
 
 
-def summary(verdict: Verdict, bounded: bool = False) -> tuple[str, int | None]:
-    """Verdict and length; `bounded` if only plans up to the bound could be denied."""
+Summary = tuple[str, int | None]
+
+
+@cache
+def expected(seed: int) -> Summary:
+    """What the explicit engine says, once for all the others."""
+    return summary("explicit", explicit.ask(question(seed), LIMITS))
+
+
+def summary(engine: str, verdict: Verdict) -> Summary:
+    """Verdict and length. Who comes to no verdict is named: it may be the one that the others are held to."""
     match verdict:
         case Reached(path):
             return "reached", len(path)
-        case Unreachable() if not bounded:
+        case Unreachable():
             return "unreachable", None
-        case Unreachable() | NotWithin():
-            return "no plan", None
-    raise AssertionError(verdict)
+        case NotWithin():
+            return "not within", None
+        case Undecided(reason):
+            raise AssertionError(f"{engine} did not decide: {reason}")
+
+
+def same(one: Summary, other: Summary) -> bool:
+    """Whether one confirms the other; what one can only deny up to the bound, the other may prove."""
+    return one == other or {one[0], other[0]} == {"unreachable", "not within"}
 
 
 def test_the_generated_questions_are_worth_asking(record_property) -> None:
