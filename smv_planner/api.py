@@ -8,13 +8,13 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smv_planner import language
 from smv_planner.errors import EngineError, Mistake, UsageError, did_you_mean
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.ltl import ALWAYS_TRUE

@@ -7,8 +7,9 @@ is wrong (`UsageError`), and a tool that broke (`EngineError`). That there is no
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from difflib import get_close_matches
+
+from smv_planner.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

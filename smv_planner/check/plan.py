@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 from smv_planner.check.order import Order, certified, is_order, reduced, total_order
 from smv_planner.check.slides import may_slide
+from smv_planner.lazy import dataclass
 from smv_planner.model.ltl import holds
 from smv_planner.model.semantics import Steps, judge
 from smv_planner.model.system import State

@@ -8,8 +8,8 @@ reads others is left out, and so is a formula that counts steps. That makes it e
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 
+from smv_planner.lazy import replace
 from smv_planner.model.expressions import FALSE, TRUE, Expr, conjunction, conjuncts, variables_of
 from smv_planner.model.ltl import atoms, counts_steps
 from smv_planner.model.semantics import ready

@@ -8,8 +8,8 @@ state, what can follow in one part can follow whatever the others do, and an inv
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, variables_of
 from smv_planner.model.semantics import once, slide
 from smv_planner.model.system import State, System, Transition

@@ -15,7 +15,6 @@ import tempfile
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from bridge.printable import printable
 from smv_planner import language
 from smv_planner.cli import outcome
 from smv_planner.errors import EngineError, Mistake, UsageError
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import show_value
 from smv_planner.simulate.script import Case, cases, chosen
 

@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
@@ -18,6 +17,7 @@ from smv_planner.cli import outcome
 from smv_planner.cli.question import settings
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.journal import Folder
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.model import Model
 from smv_planner.runner.events import Note
 from smv_planner.runner.situation import Status

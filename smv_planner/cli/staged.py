@@ -9,13 +9,13 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 from bridge import keys
 from bridge.link import Link
 from smv_planner.cli.asking import Events
 from smv_planner.errors import Mistake, UsageError
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value, show_value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.model import Model

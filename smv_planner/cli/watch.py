@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections import Counter
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from bridge import keys, mirror
@@ -18,6 +17,7 @@ from bridge.overheard import overheard
 from bridge.printable import printable
 from smv_planner.cli import outcome
 from smv_planner.cli.network import add_network, linked, named_cell
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value, show_value
 from smv_planner.protocol.messages import GoalMessage, StateMessage
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 
 from smv_planner.journal import Disk, Journal, Unwritten
 from smv_planner.journal.folder import LIMIT
+from smv_planner.lazy import dataclass
 from smv_planner.runner.events import Answered, Began, Event, Ordered, Output, Send
 from smv_planner.runner.records import Known, record, restored
 from smv_planner.runner.situation import Situation, Station

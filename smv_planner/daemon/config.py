@@ -9,13 +9,13 @@ from __future__ import annotations
 import os
 import tomllib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from bridge.endpoints import LOOPBACK, Tls
 from bridge.link import LinkConfig
 from smv_planner.errors import Mistake, UsageError, did_you_mean
+from smv_planner.lazy import dataclass
 
 FILE = "smv-planner.toml"
 PREFIX = "SMV_PLANNER_"

@@ -12,7 +12,6 @@ import threading
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 from bridge import keys
@@ -20,6 +19,7 @@ from bridge.link import MAX_DOCUMENT, Link, LinkError, most
 from smv_planner.daemon import documents, orders
 from smv_planner.daemon.chronicle import Chronicle
 from smv_planner.daemon.planners import Opinion, Planners
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.protocol.messages import Rejected, StateMessage, decode_state, encode
 from smv_planner.runner.events import (
     Answered,

@@ -12,10 +12,10 @@ import time
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from typing import IO, Protocol
 
 from smv_planner.daemon.worker import ANSWER, LENGTH, OPINION, Job
+from smv_planner.lazy import dataclass, field
 from smv_planner.runner.decision import Decision, Request
 from smv_planner.runner.events import Answered
 from smv_planner.runner.records import Known, Unreadable, entry, question

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
+from smv_planner.lazy import replace
 from smv_planner.model.model import Model
 from smv_planner.runner.recovery import promised
 from smv_planner.runner.situation import Pursuit, Situation, Status

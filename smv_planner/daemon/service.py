@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
 from typing import Any
 
 from bridge.link import Link, LinkConfig, LinkError, open_link
@@ -30,6 +29,7 @@ from smv_planner.daemon.status import Status
 from smv_planner.engines import ENGINES
 from smv_planner.errors import EngineError, Mistake, SmvPlannerError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
 from smv_planner.protocol.interface import interfaces

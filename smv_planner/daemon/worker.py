@@ -13,13 +13,13 @@ import signal
 import struct
 import sys
 import time
-from dataclasses import dataclass
 from typing import BinaryIO
 
 from smv_planner import api
 from smv_planner.daemon.second import Second
 from smv_planner.engines import ENGINES, Limits
 from smv_planner.errors import EngineError
+from smv_planner.lazy import dataclass
 from smv_planner.model.model import Model
 from smv_planner.problem import Problem, Verdict
 from smv_planner.runner.decision import Decision

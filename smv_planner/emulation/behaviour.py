@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 
 Times = int | None

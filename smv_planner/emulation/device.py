@@ -9,12 +9,12 @@ says otherwise. Of an effect that changes several resources, each device makes i
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from math import inf
 
 from smv_planner.emulation.behaviour import WELL, Behaviour, fewer
 from smv_planner.emulation.draw import Draw
 from smv_planner.errors import Mistake, UsageError, did_you_mean
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value, show_value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.semantics import fire

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from hashlib import blake2b
+
+from smv_planner.lazy import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 
 from smv_planner.emulation import device as devices
 from smv_planner.emulation.behaviour import WELL, Behaviour
 from smv_planner.emulation.device import Device
 from smv_planner.emulation.draw import Draw
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.system import System, Transition
 from smv_planner.protocol import hub as hubs

@@ -8,10 +8,10 @@ when they are first asked, so that nobody waits for an engine that is not used.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from importlib import import_module
 from types import MappingProxyType
 
+from smv_planner.lazy import dataclass
 from smv_planner.problem import Problem, Verdict
 
 

@@ -9,13 +9,13 @@ import json
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 from smv_planner.engines import Limits, bmc
 from smv_planner.errors import EngineError
 from smv_planner.export.smv import RawTrace, encode
+from smv_planner.lazy import replace
 from smv_planner.problem import NotWithin, Problem, Undecided, Verdict
 
 CHILD = (sys.executable, "-I", str(Path(__file__).with_name("nusmv_child.py")))

@@ -11,7 +11,6 @@ import re
 import shutil
 import stat
 import time
-from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +18,7 @@ from smv_planner.engines import Limits, bmc
 from smv_planner.engines.process import FLOOD
 from smv_planner.errors import EngineError
 from smv_planner.export.smv import TRACE_FILE, RawTrace, encode
+from smv_planner.lazy import replace
 from smv_planner.problem import NotWithin, Problem, Undecided, Verdict
 
 SETTING = "SMV_PLANNER_NUXMV"

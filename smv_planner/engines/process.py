@@ -17,8 +17,9 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import IO, Literal
+
+from smv_planner.lazy import dataclass
 
 FLOOD = 64 << 20
 """Bytes a child may write to standard output, to standard error, or to a file."""

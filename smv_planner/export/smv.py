@@ -12,13 +12,13 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cache, cached_property
 
 from jinja2 import Environment, PackageLoader, StrictUndefined, Template
 
 from smv_planner.errors import EngineError
 from smv_planner.export.names import Sort, identifier
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import (
     TRUE,

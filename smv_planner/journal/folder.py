@@ -12,11 +12,11 @@ import os
 import re
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Protocol
 
 from smv_planner.errors import SmvPlannerError
 from smv_planner.journal.framing import Damaged, Header, Sound, Torn, frame, opening, read
+from smv_planner.lazy import dataclass
 
 LIMIT = 16 * 1024 * 1024
 """By how many bytes a segment grows before it is full. While no new one can be begun, by twice as many."""

@@ -11,9 +11,10 @@ flipped bit cannot pass for one. All else is damage, and is not guessed at.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
 from struct import Struct
 from zlib import crc32
+
+from smv_planner.lazy import dataclass
 
 MAGIC = b"smvjrnl\n"
 FORMAT = 1

@@ -16,10 +16,10 @@ shape: the reader follows them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from smv_planner.language.shapes import Text, Whole
+from smv_planner.lazy import dataclass, field
 
 MAX_NAME = 200
 LARGEST = 2**31 - 1

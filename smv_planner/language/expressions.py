@@ -7,12 +7,12 @@ variable is declared, is None; whatever holds such a part is None too, and nothi
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Literal, NamedTuple, cast
 
 from smv_planner.language.document import LARGEST
 from smv_planner.language.grammar import MAX_DEPTH, Node, NotRead, Token, Tree, parse, span
 from smv_planner.language.reader import bare, closest, shorten
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import FALSE, And, Const, Equal, Expr, Less, Minus, Named, Not, Or, Plus, Var, parts_of
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until, always, eventually, negated, weak_until

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from smv_planner.language.document import LARGEST, MAX_NAME, NAME, NAME_RULE
+from smv_planner.lazy import dataclass
 
 MAX_LENGTH = 100_000
 MAX_TOKENS = 20_000

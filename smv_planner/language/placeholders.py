@@ -10,7 +10,6 @@ import re
 from collections import ChainMap
 from collections.abc import Iterator, MutableMapping
 from collections.abc import Sequence as AnySequence
-from dataclasses import dataclass, field
 from itertools import product
 from math import prod
 from typing import NamedTuple, NoReturn, TypeVar
@@ -21,6 +20,7 @@ from smv_planner.language.grammar import MAX_LENGTH, NotRead, parse
 from smv_planner.language.reader import Report, shorten
 from smv_planner.language.shapes import Text
 from smv_planner.language.strict_yaml import Broken, Instance, Mapping, Node, Part, Scalar, Sequence, Span
+from smv_planner.lazy import dataclass, field
 
 MAX_NODES = 200_000
 MAX_TEXT = 2_000_000

@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping as AnyMapping
 from collections.abc import Sequence as AnySequence
-from dataclasses import fields, is_dataclass, replace
 from typing import Any
 
 from smv_planner.errors import Mistake, Place, did_you_mean
 from smv_planner.language.document import EXPANDED, MAX_NAME
 from smv_planner.language.shapes import Choice, ListOf, OneOf, Record, Shape, Table, Text, Truth, Whole, called
 from smv_planner.language.strict_yaml import MAX_DEPTH, MAX_MISTAKES, Broken, Mapping, Node, Scalar, Sequence, place
+from smv_planner.lazy import fields, is_dataclass, replace
 
 Path = tuple[str, ...]
 """The way from the root of a document to one of its parts, as keys."""

@@ -9,9 +9,10 @@ from __future__ import annotations
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from dataclasses import MISSING, fields, is_dataclass
 from functools import cache
 from typing import Annotated, Any, Literal, NamedTuple
+
+from smv_planner.lazy import MISSING, fields, is_dataclass
 
 
 class Text(NamedTuple):

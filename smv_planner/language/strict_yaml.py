@@ -10,13 +10,13 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import yaml
 
 from smv_planner.errors import Mistake, Place
+from smv_planner.lazy import dataclass, field, replace
 
 MAX_BYTES = 1 << 20
 MAX_DEPTH = 32

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from smv_planner.lazy import dataclass
 
 Value = bool | int | str
 

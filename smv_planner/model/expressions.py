@@ -7,8 +7,8 @@ them. Conjunctions and disjunctions have any number of parts, so that no text ne
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value, show_value
 
 

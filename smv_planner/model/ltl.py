@@ -8,8 +8,8 @@ and `W` are expressed by `Until` and `Release`. A plan's run is its states follo
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, TRUE, Expr, meaning, negation, show
 from smv_planner.model.system import State
 

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
 from enum import StrEnum
 from functools import cached_property
 
+from smv_planner.lazy import dataclass, fields
 from smv_planner.model.domains import Domain, Value
 from smv_planner.model.expressions import Expr
 from smv_planner.model.ltl import Formula

@@ -7,10 +7,10 @@ planner's system comes from the resources; the operation planner's will come fro
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Domain, Value
 from smv_planner.model.expressions import Expr, Var, nodes
 

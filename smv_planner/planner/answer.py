@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
 from typing import Literal
 
+from smv_planner.lazy import dataclass, field, fields
 from smv_planner.model.domains import Value
 
 VerdictName = Literal["reached", "not_within", "unreachable", "undecided", "invariant_violated"]
@@ -163,7 +163,7 @@ class Answer:
             "bound": self.bound,
             "engine": self.engine,
             "argument": "; ".join(self.arguments) or None,
-            "second_opinion": asdict(self.second_opinion) if self.second_opinion else None,
+            "second_opinion": _entries(self.second_opinion),
             "checked": self.checked,
             "reason": self.reason,
             "proof": {"kind": self.proof, "checked": True} if self.proof else None,
@@ -201,10 +201,14 @@ class Answer:
                 }
                 for o in self.operations
             ],
-            "conflict": asdict(self.conflict) if self.conflict else None,
+            "conflict": _entries(self.conflict),
             "culprits": [list(together) for together in self.culprits],
             "disabled": list(self.disabled),
             "violations": [{"invariant": v.invariant, "now": v.now, "slide": list(v.slide)} for v in self.violations],
             "warnings": list(self.warnings),
             "seconds": {"total": round(self.total_seconds, 4), "engine": round(self.engine_seconds, 4)},
         }
+
+
+def _entries(value: Conflict | SecondOpinion | None) -> dict[str, object] | None:
+    return {each.name: getattr(value, each.name) for each in fields(value)} if value else None

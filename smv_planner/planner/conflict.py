@@ -7,10 +7,10 @@ finds a set of which nothing can be left out: without any one of them it would b
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, replace
 from typing import Literal
 
 from smv_planner.errors import EngineError
+from smv_planner.lazy import dataclass, replace
 from smv_planner.planner.answer import Conflict
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.problem import Problem, Unreachable

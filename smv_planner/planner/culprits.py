@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from itertools import combinations
 
 from smv_planner.check import CheckedPlan
+from smv_planner.lazy import replace
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.problem import Problem
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
 from smv_planner.check.projection import projected
 from smv_planner.check.relaxed import out_of_reach
 from smv_planner.errors import EngineError
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Const, Equal, Var, show
 from smv_planner.model.semantics import judge
 from smv_planner.planner.deorder import proposals

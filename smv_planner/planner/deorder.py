@@ -6,9 +6,9 @@ These are proposals, loosest first; only the checker's certificate makes one of 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from smv_planner.check.order import Order, blocks, certified
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms
 from smv_planner.model.semantics import judge

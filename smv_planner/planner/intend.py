@@ -5,9 +5,9 @@ operations are planned again, as the transition runner would."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
 from smv_planner.check import CheckedPlan
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import TRUE, meaning
 from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Until, counts_steps, holds

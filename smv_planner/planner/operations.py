@@ -8,9 +8,9 @@ any; what really happens is for the runner to see.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 
+from smv_planner.lazy import dataclass
 from smv_planner.model import ltl
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, Named, Var, meaning, rewritten, substitute, variables_of

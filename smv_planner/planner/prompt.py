@@ -8,8 +8,8 @@ is replayed with prompt effects and reported as a warning.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import holds
 from smv_planner.model.semantics import Step, Steps

@@ -6,10 +6,10 @@ agrees with a proof that there is none.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import assert_never
 
 from smv_planner.check import Refused, check_plan, check_proof
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import show
 from smv_planner.model.ltl import show_formula
 from smv_planner.problem import NotWithin, Problem, Reached, Undecided, Unreachable, Verdict

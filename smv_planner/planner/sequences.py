@@ -7,9 +7,9 @@ A manual sequence takes the place of operation planning (Industry 4.0, section 4
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Bool
 from smv_planner.model.expressions import TRUE, Var, conjunction, negation
 from smv_planner.model.model import Intention, Model, Sequence

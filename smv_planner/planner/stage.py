@@ -7,9 +7,9 @@ that whoever keeps something about them by identity (engines, the widening, `sem
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from functools import lru_cache
 
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     FALSE,

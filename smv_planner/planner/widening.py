@@ -10,10 +10,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from smv_planner.errors import EngineError
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, And, Expr, conjunction, negation, substitute, variables_of
 from smv_planner.model.semantics import may_fire
 from smv_planner.model.system import Any, Invariant, System, Transition

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from math import inf
 
 from smv_planner.emulation import emulator as emulators
@@ -11,6 +10,7 @@ from smv_planner.emulation.behaviour import Behaviour
 from smv_planner.emulation.draw import Draw
 from smv_planner.emulation.emulator import Emulator
 from smv_planner.errors import Mistake, UsageError, did_you_mean
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
 from smv_planner.model.system import Kind

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 from smv_planner.emulation import emulator as emulators
 from smv_planner.emulation.behaviour import Behaviour, Instead, Times
 from smv_planner.emulation.emulator import Emulator
 from smv_planner.errors import Mistake, UsageError, did_you_mean
+from smv_planner.lazy import replace
 from smv_planner.model.domains import Value, show_value
 
 WORDS = {

@@ -7,9 +7,9 @@ people, on how it came to it; it makes no difference to what the verdict says.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from functools import cached_property
 
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, conjunction
 from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Formula, Until, all_of

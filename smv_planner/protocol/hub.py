@@ -9,9 +9,9 @@ which epoch it obeyed, and says so by its new boot: whoever plans has to see its
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from math import inf
 
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Resource
 from smv_planner.protocol.interface import Interface

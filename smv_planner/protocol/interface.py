@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Domain
 from smv_planner.model.model import Model
 from smv_planner.model.system import VariableKind

@@ -10,10 +10,10 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, NoReturn
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Domain, Value
 from smv_planner.protocol.interface import Interface
 

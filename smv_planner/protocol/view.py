@@ -8,9 +8,9 @@ keeps speaking while the other is silent is alive. So no accident of order can s
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.protocol.messages import StateMessage
 

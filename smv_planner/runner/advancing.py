@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from smv_planner.lazy import replace
 from smv_planner.planner.operations import tasks_of
 from smv_planner.planner.stage import Execution, goal_of
 from smv_planner.runner import goals, intentions, operator, plan_steps

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import replace
 
+from smv_planner.lazy import replace
 from smv_planner.runner import failures, intentions, operator
 from smv_planner.runner.decision import Cause, Decision, Request, Wanted
 from smv_planner.runner.events import Ask

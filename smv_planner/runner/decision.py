@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from smv_planner.check import CheckedPlan
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.ltl import Formula
 from smv_planner.model.system import State

@@ -7,8 +7,8 @@ through `step` gives the same situation again.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 from smv_planner.protocol.messages import GoalMessage, StateMessage
 from smv_planner.runner.decision import Decision, Request

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from smv_planner.lazy import replace
 from smv_planner.model.expressions import meaning
 from smv_planner.model.system import Any
 from smv_planner.runner.decision import Cause, Purpose

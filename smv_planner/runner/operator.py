@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 
+from smv_planner.lazy import replace
 from smv_planner.model.domains import Value
 from smv_planner.model.semantics import fire
 from smv_planner.runner import goals, resources

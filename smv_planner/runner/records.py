@@ -12,7 +12,6 @@ import json
 import types
 import typing
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import MISSING, dataclass, fields, is_dataclass
 from enum import StrEnum
 from functools import cache
 from typing import Any, NoReturn, TypeVar
@@ -20,6 +19,7 @@ from typing import Any, NoReturn, TypeVar
 from smv_planner.check import Refused, check_plan
 from smv_planner.check.order import Order
 from smv_planner.errors import SmvPlannerError
+from smv_planner.lazy import MISSING, dataclass, fields, is_dataclass
 from smv_planner.model.expressions import conjunction
 from smv_planner.model.model import Model
 from smv_planner.model.system import State, System

@@ -8,10 +8,10 @@ Whatever a plan is for, it is a `CheckedPlan` before it leaves this module.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from smv_planner.check import CheckedPlan, check_plan
+from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Bool, Value
 from smv_planner.model.expressions import FALSE, TRUE, Const, Var, conjunction, meaning
 from smv_planner.model.ltl import (

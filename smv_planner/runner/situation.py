@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property, lru_cache
 from math import inf
 from typing import TypeVar
 
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, meaning, variables_of
 from smv_planner.model.ltl import Formula, atoms, holds

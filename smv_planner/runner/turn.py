@@ -6,8 +6,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
 
+from smv_planner.lazy import replace
 from smv_planner.model.domains import Value
 from smv_planner.model.ltl import progressed
 from smv_planner.model.system import State

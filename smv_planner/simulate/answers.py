@@ -7,9 +7,9 @@ remembered makes no difference to a run but its duration.
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass, field, replace
 
 from smv_planner.emulation.draw import Draw
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.model import Model
 from smv_planner.planner.stage import Execution
 from smv_planner.problem import Exhausted, Problem, Reached, Undecided, Unreachable, Verdict

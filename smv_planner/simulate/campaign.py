@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import TypeVar
 
 from smv_planner.emulation import emulator as emulators
 from smv_planner.emulation.behaviour import Behaviour, Instead
 from smv_planner.emulation.draw import Draw
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.system import Policy, VariableKind
 from smv_planner.runner.decision import Action, Decision, Request

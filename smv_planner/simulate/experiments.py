@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import gc
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.model import Model
 from smv_planner.runner.decision import Action
 from smv_planner.runner.recovery import Planners

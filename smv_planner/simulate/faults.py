@@ -7,11 +7,11 @@ same. Trouble comes at random times, lasts for a while, and is over by itself.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from math import log
 
 from smv_planner.emulation.draw import Draw
+from smv_planner.lazy import dataclass
 from smv_planner.simulate.network import Weather
 
 

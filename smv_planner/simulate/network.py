@@ -6,9 +6,8 @@ read all the same before that: nothing that comes out of a network may make the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from smv_planner.emulation.draw import Draw
+from smv_planner.lazy import dataclass
 
 TRAVEL = 0.002
 """Seconds that a message takes when nothing holds it up."""

@@ -20,9 +20,9 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 from smv_planner.check import CheckedPlan, check_plan
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.semantics import fire

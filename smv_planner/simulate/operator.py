@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 
 from smv_planner.emulation.behaviour import Times, fewer
+from smv_planner.lazy import dataclass, field, replace
 
 
 @dataclass(frozen=True, slots=True)

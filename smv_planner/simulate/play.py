@@ -6,7 +6,6 @@ What is asked of the true states is looked at after everything that happens, not
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from typing import cast
@@ -14,6 +13,7 @@ from typing import cast
 from smv_planner.emulation import emulator as emulators
 from smv_planner.emulation.behaviour import Behaviour, Instead, Times
 from smv_planner.journal import Disk
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.system import State, VariableKind

@@ -8,10 +8,10 @@ at the same situation.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from smv_planner.journal import Disk, Journal
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.runner.events import Event, Output
 from smv_planner.runner.records import Known, entry, record
 from smv_planner.runner.situation import Situation, Station

@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 from smv_planner.errors import Mistake, UsageError
 from smv_planner.journal import Damaged, Torn, read
+from smv_planner.lazy import dataclass, replace
 from smv_planner.runner.decision import Decision, Request
 from smv_planner.runner.events import Answered, Ask, Note, Output
 from smv_planner.runner.records import Known, entry, record

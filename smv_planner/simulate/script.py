@@ -7,7 +7,6 @@ its place. Everything in a `Case` fits the model.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
 from decimal import Decimal
 from itertools import product
 from pathlib import Path
@@ -23,6 +22,7 @@ from smv_planner.language.shapes import shape_of
 from smv_planner.language.strict_yaml import Mapping as MappingNode
 from smv_planner.language.strict_yaml import Node, Scalar, Source, parse
 from smv_planner.language.strict_yaml import Sequence as SequenceNode
+from smv_planner.lazy import dataclass, field, fields
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr
 from smv_planner.model.model import Model

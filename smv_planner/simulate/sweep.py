@@ -7,8 +7,8 @@ event, before anything is performed, and after each output.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
+from smv_planner.lazy import dataclass
 from smv_planner.runner.events import Event, Output, Send
 from smv_planner.runner.situation import Situation
 from smv_planner.simulate.observer import Observer

@@ -6,8 +6,8 @@ Nothing here knows how time passes: lines are drawn from what was seen of situat
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 
+from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import show_value
 from smv_planner.model.system import Kind
 from smv_planner.runner.decision import Following, Purpose

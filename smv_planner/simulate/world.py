@@ -9,7 +9,6 @@ from __future__ import annotations
 import heapq
 from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
 from hashlib import blake2b
 
 from smv_planner.emulation import emulator as emulators
@@ -17,6 +16,7 @@ from smv_planner.emulation.draw import Draw
 from smv_planner.emulation.emulator import Emulator
 from smv_planner.errors import EngineError
 from smv_planner.journal import Disk
+from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
 from smv_planner.protocol.messages import GoalMessage, Rejected, StateMessage, decode_goal, decode_state, encode
 from smv_planner.runner.decision import Decision, Request

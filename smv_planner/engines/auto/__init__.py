@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.clock import Over, watched
@@ -21,6 +20,7 @@ from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Ended, Paused, Search, Tables
 from smv_planner.engines.auto.session import Session, session_of
+from smv_planner.lazy import dataclass, replace
 from smv_planner.problem import (
     Exhausted,
     Inductive,

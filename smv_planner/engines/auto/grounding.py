@@ -8,11 +8,11 @@ reachability quick.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
 
 from smv_planner.engines.auto.clock import look
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     FALSE,

@@ -10,7 +10,6 @@ searching it alone, whatever all other variables are (pattern databases: Culbers
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations, product
 
 from smv_planner.engines.auto.bounded import question
@@ -19,6 +18,7 @@ from smv_planner.engines.auto.frames import numbered
 from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives
 from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
 from smv_planner.engines.auto.search import Computed, Tables
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, variables_of
 from smv_planner.model.ltl import Both, Formula, Until
 from smv_planner.problem import Problem

@@ -9,12 +9,12 @@ not given priority, and of three facts only each two are looked at.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import product
 from math import prod
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, alternatives
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Const, Expr, If, Or, conjuncts, meaning, negation
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until

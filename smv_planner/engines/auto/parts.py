@@ -9,11 +9,11 @@ plans of the parts add up to a shortest plan.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 
 from smv_planner.check.projection import goals_about
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, conjunction, conjuncts, meaning
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms, counts_steps
 from smv_planner.model.system import Invariant, System

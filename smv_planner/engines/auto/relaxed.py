@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import reduce
 from itertools import product
 from operator import or_
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     And,

@@ -7,12 +7,12 @@ transitions, what is usable, what is allowed and what the formula asks for are a
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
 from smv_planner.engines.auto.symmetry import Fold
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State

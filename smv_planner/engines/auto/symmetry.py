@@ -9,13 +9,13 @@ that differ by swaps only. Candidates are guessed from how actions are written, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, Packing
 from smv_planner.engines.sat import Predicates
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Const, Equal, Expr, Named, Or, Var, conjuncts, nodes, parts_of
 from smv_planner.model.ltl import atoms

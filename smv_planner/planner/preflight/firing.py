@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from itertools import combinations
 from types import MappingProxyType
 
+from smv_planner.lazy import replace
 from smv_planner.model.expressions import (
     FALSE,
     TRUE,

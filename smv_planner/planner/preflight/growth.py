@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from math import prod
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Const, Expr, conjunction, meaning, negation, substitute, variables_of
 from smv_planner.model.system import System
 from smv_planner.planner.widening import Growth, Widened

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from itertools import product
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
     FALSE,

@@ -9,10 +9,10 @@ Transitions that do not touch what the others use are looked at apart: n stays s
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
+from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Domain, Value, show_value
 from smv_planner.model.expressions import TRUE, Expr, Var, conjunction, disjunction, equality, negation, substitute
 from smv_planner.model.semantics import Step, Steps, fire, ready

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Container, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
+from smv_planner.lazy import dataclass
 from smv_planner.model import ltl
 from smv_planner.model.domains import Bool, Value, show_value
 from smv_planner.model.expressions import TRUE, Const, Equal, Expr, Named, Var, equality, negation, nodes
