@@ -8,8 +8,9 @@ reachability quick.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, reduce
 from itertools import product
+from operator import or_
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.lazy import dataclass
@@ -403,3 +404,8 @@ def needs_of(conditions: Iterable[tuple[Iterable[Expr], int]]) -> dict[Expr, int
         for part in parts:
             needs[part] = needs.get(part, 0) | bit
     return needs
+
+
+def union(masks: Iterable[int]) -> int:
+    """Sets of bits, put together."""
+    return reduce(or_, masks, 0)

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from smv_planner.check.projection import goals_about
 from smv_planner.engines.auto.clock import look
-from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.grounding import Ground, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, conjunction, conjuncts, meaning
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms, counts_steps
@@ -194,13 +194,6 @@ def joined(groups: Iterable[Variables]) -> list[Variables]:
             apart = [other for other in apart if not other & group]
             apart.append(union([group, *together]))
     return sorted(apart, key=lambda group: group & -group)
-
-
-def union(masks: Iterable[Variables]) -> Variables:
-    result = 0
-    for mask in masks:
-        result |= mask
-    return result
 
 
 def places(mask: Variables) -> Iterator[int]:

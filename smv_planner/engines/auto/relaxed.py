@@ -10,12 +10,10 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import reduce
 from itertools import product
-from operator import or_
 
 from smv_planner.engines.auto.clock import look
-from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.grounding import Ground, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -37,7 +35,7 @@ from smv_planner.model.expressions import (
     meaning,
 )
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
-from smv_planner.model.system import System
+from smv_planner.model.system import State, System
 from smv_planner.problem import Problem, Relaxed
 
 EXPRESSIONS = 100_000
@@ -69,20 +67,26 @@ class Condition:
         for mask in self.masks:
             if not sets & mask:
                 return None
-        for may_hold in self.others:
-            if not may_hold(sets):
-                return None
-        return sets
+        return sets if self.others_may_hold(sets) else None
+
+    def others_may_hold(self, sets: Sets) -> bool:
+        sets &= self.narrow
+        return all(may_hold(sets) for may_hold in self.others)
 
     def together(self, other: Condition) -> Condition:
         return Condition(self.narrow & other.narrow, self.masks + other.masks, self.others + other.others)
 
 
+Hits = int
+"""Some of the masks that any action's condition asks for, one bit each."""
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What an action adds to the sets, if its condition may hold."""
+    """What an action adds to the sets, if its condition may hold; for that the sets have to hit all of `asks`."""
 
     condition: Condition
+    asks: Hits
     constant: Sets
     computed: tuple[tuple[int, Values], ...]
 
@@ -109,12 +113,16 @@ class Abstraction:
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
         self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
         self._held: dict[int, tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
+        self._asked_of: dict[int, tuple[Expr, Condition]] = {}
         self.assigned = tuple(action.assigned for action in of.actions)
+        self._hits: dict[Sets, Hits] = {}  # by what has to be hit
         self.actions = tuple(
             self._outcome(self.condition([*action.conditions, *keeps]), action.assigned)
             for action, keeps in zip(of.actions, of.keeps, strict=True)
         )
         self.allowed = self.condition(of.clauses)
+        self._hit_by = {bit: self._woken(bit) for bit in each_bit((1 << width) - 1)}
+        self._last: tuple[State, int, Support] | None = None
 
     def condition(self, parts: Iterable[Expr]) -> Condition:
         look()
@@ -133,6 +141,12 @@ class Abstraction:
                     mask = field
                 masks.setdefault(mask)
         return Condition(narrow, tuple(masks), tuple(others))
+
+    def asked(self, predicate: Expr) -> Condition:
+        """What a predicate asks of an allowed state."""
+        if id(predicate) not in self._asked_of:
+            self._asked_of[id(predicate)] = predicate, self.condition(conjuncts(predicate)).together(self.allowed)
+        return self._asked_of[id(predicate)][1]
 
     def _masks(self, part: Expr) -> tuple[Sets, ...] | None:
         """The masks that all have to be hit for a predicate to hold; None if it is not like that."""
@@ -227,7 +241,7 @@ class Abstraction:
             else:
                 judged.append(self._judged(part, wanted))
         if not every:
-            masks = [reduce(or_, masks, 0)]
+            masks = [union(masks)]
 
         def may_hold(sets: Sets) -> bool:
             for mask in masks:
@@ -242,54 +256,66 @@ class Abstraction:
 
     def trim(self) -> None:
         """Forget what was compiled for earlier questions, if that has become much; what belongs to the actions stays."""
-        if len(self._compiled) + len(self._hit) > EXPRESSIONS:
-            for known in (self._compiled, self._hit, self._held):
+        if len(self._compiled) + len(self._hit) + len(self._asked_of) > EXPRESSIONS:
+            for known in (self._compiled, self._hit, self._held, self._asked_of):
                 known.clear()
 
-    def fixpoint(self, start: Iterable[Value], usable: int) -> Sets:
-        """What can follow on `start` by the usable actions, and more."""
-        sets = sum(bits[value] for bits, value in zip(self._bits, start, strict=True))
-        waiting = [action for at, action in enumerate(self.actions) if usable >> at & 1]
-        before = 0
-        while sets != before:
-            before, left = sets, []
-            for action in waiting:
-                if not action.computed and not action.constant & ~sets:
-                    continue  # it has nothing to add any more
-                narrowed = action.condition.narrowed(sets)
-                if narrowed is None:
-                    left.append(action)
-                    continue
-                sets |= action.constant
-                if action.computed:
-                    left.append(action)
-                    for variable, values in action.computed:
-                        sets |= self._mask(variable, values(narrowed))
-            waiting = left
-        return sets
+    def support(self, start: State, usable: int) -> Support:
+        """What can follow on `start` by the usable actions, and more, and how that comes about. The last answer is kept."""
+        if self._last is None or self._last[:2] != (start, usable):
+            self._last = start, usable, self._support(start, usable)
+        return self._last[2]
 
-    def support(self, start: Iterable[Value], usable: int) -> Support:
-        """How `fixpoint` comes about: which actions are taken, in order, and which is the first to bring about each value."""
-        sets = sum(bits[value] for bits, value in zip(self._bits, start, strict=True))
-        begin, taken, first = sets, dict[int, None](), dict[Sets, int]()
-        before = 0
-        while sets != before:
-            before = sets
-            for at, action in enumerate(self.actions):
-                if usable >> at & 1 and (action.computed or at not in taken):
-                    narrowed = action.condition.narrowed(before)
-                    if narrowed is None:
-                        continue
-                    taken.setdefault(at)
-                    found = action.constant
+    def _support(self, start: State, usable: int) -> Support:
+        begin = sets = sum([bits[value] for bits, value in zip(self._bits, start, strict=True)])
+        missed = self._missed(begin)
+        taken, first = dict[int, None](), dict[Sets, int]()
+        waiting = woken = usable
+        while woken:
+            before, again = sets, 0
+            for one in each_bit(woken):
+                at = one.bit_length() - 1
+                action = self.actions[at]
+                if action.asks & missed:
+                    continue
+                condition = action.condition
+                if condition.others and not condition.others_may_hold(before):
+                    again |= one
+                    continue
+                taken[at] = None
+                found = action.constant
+                if action.computed:
+                    again |= one
                     for variable, values in action.computed:
-                        found |= self._mask(variable, values(narrowed))
-                    fresh = found & ~sets
-                    sets |= found
-                    while fresh:
-                        first[fresh & -fresh] = at
-                        fresh &= fresh - 1
-        return Support(self, begin, tuple(sorted(taken)), first)
+                        found |= self._mask(variable, values(before & condition.narrow))
+                else:
+                    waiting ^= one
+                fresh = found & ~sets
+                if fresh:
+                    sets |= fresh
+                    for bit in each_bit(fresh):
+                        first[bit] = at
+            woken = 0
+            if sets != before:
+                woken = again
+                for bit in each_bit(sets ^ before):
+                    hits, actions = self._hit_by[bit]
+                    missed &= ~hits
+                    woken |= actions
+                woken &= waiting
+        return Support(self, begin, sets, tuple(sorted(taken)), first)
+
+    def _missed(self, sets: Sets) -> Hits:
+        """What sets do not hit yet."""
+        hit = 0
+        for bit in each_bit(sets):
+            hit |= self._hit_by[bit][0]
+        return (1 << len(self._hits)) - 1 & ~hit
+
+    def _woken(self, bit: Sets) -> tuple[Hits, int]:
+        """What a value hits, and which actions ask for some of that."""
+        hits = union(hit for mask, hit in self._hits.items() if mask & bit)
+        return hits, union(1 << at for at, action in enumerate(self.actions) if action.asks & hits)
 
     def forced(self, condition: Condition) -> Condition:
         """The condition together with what it leaves of single variables where everything allowed holds too."""
@@ -334,7 +360,8 @@ class Abstraction:
                 constant |= self._mask(at, [value.value])
             else:
                 computed.append((at, self._values(value)))
-        return Outcome(condition, constant, tuple(computed))
+        asks = union(self._hits.setdefault(mask & condition.narrow, 1 << len(self._hits)) for mask in condition.masks)
+        return Outcome(condition, asks, constant, tuple(computed))
 
     def _mask(self, at: int, values: Iterable[Value]) -> Sets:
         """The values that lie in a variable's domain."""
@@ -403,10 +430,11 @@ class Abstraction:
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """Which actions are taken when nothing is lost, and by which each value comes about first."""
+    """The values that there are when nothing is lost, which actions are taken, and by which each value comes about first."""
 
     abstraction: Abstraction
     begin: Sets
+    sets: Sets
     taken: tuple[int, ...]
     first: Mapping[Sets, int]
 
@@ -435,6 +463,13 @@ class Support:
 
     def _asked(self, condition: Condition) -> list[Sets]:
         return [mask & condition.narrow for mask in condition.masks]
+
+
+def each_bit(mask: int) -> Iterator[int]:
+    while mask:
+        bit = mask & -mask
+        yield bit
+        mask ^= bit
 
 
 _BOTH: frozenset[Value] = frozenset([False, True])
@@ -478,7 +513,7 @@ def may_be_met(formula: Formula, abstraction: Abstraction, sets: Sets) -> bool:
     """Whether a run inside `sets` might satisfy the formula at some time, each of its parts judged on its own."""
     match formula:
         case Atom(predicate):
-            return abstraction.condition(conjuncts(predicate)).together(abstraction.allowed).narrowed(sets) is not None
+            return abstraction.asked(predicate).narrowed(sets) is not None
         case Next(part):
             return may_be_met(part, abstraction, sets)
         case Both(left, right):
@@ -491,6 +526,6 @@ def may_be_met(formula: Formula, abstraction: Abstraction, sets: Sets) -> bool:
 
 def out_of_reach(abstraction: Abstraction, of: Ground, problem: Problem) -> Relaxed | None:
     """Why no goal can be met even when no value is ever lost; None if that does not show it."""
-    sets = abstraction.fixpoint(problem.initial, of.usable(problem.unusable))
+    sets = abstraction.support(problem.initial, of.usable(problem.unusable)).sets
     goals_met = all(may_be_met(Until(goal.until, Atom(goal.predicate)), abstraction, sets) for goal in problem.goals)
     return None if goals_met else abstraction.proof(sets)
