@@ -19,16 +19,14 @@ from typing import Any, NoReturn, TypeVar
 from smv_planner.check import Refused, check_plan
 from smv_planner.check.order import Order
 from smv_planner.errors import SmvPlannerError
-from smv_planner.lazy import MISSING, dataclass, fields, is_dataclass
-from smv_planner.model.expressions import conjunction
+from smv_planner.lazy import MISSING, dataclass, fields, is_dataclass, replace
 from smv_planner.model.model import Model
 from smv_planner.model.system import State, System
 from smv_planner.planner.operations import Task, tasks
-from smv_planner.planner.stage import goal_of, stage_system
-from smv_planner.planner.widening import Widened
-from smv_planner.problem import Goal, Problem, Reached
-from smv_planner.runner.decision import Following, Purpose, Request
+from smv_planner.problem import Problem, Reached
+from smv_planner.runner.decision import Following, Request
 from smv_planner.runner.events import Event
+from smv_planner.runner.posed import Widen, posed
 from smv_planner.runner.situation import Situation, Station
 from smv_planner.runner.step import step
 
@@ -45,7 +43,7 @@ class Known:
     """What records are read against: the model, and how its invariants are widened."""
 
     model: Model
-    widen: Callable[[System], tuple[Widened, ...]]
+    widen: Widen
 
 
 def record(entry: Entry) -> bytes:
@@ -255,7 +253,9 @@ def _following_said(following: Following) -> dict[str, Any]:
 
 def _following_meant(said: Any, known: Known) -> Following:
     kept = {name: codec.meant(said[name], known) for name, codec in _kept()}
-    problem = _problem(said, known, **{name: kept[name] for name in ("purpose", "operations", "lifted")})
+    initial = _state(known.model.system, said["initial"])
+    problem = posed(known.model, known.widen, kept["purpose"], initial, kept["operations"], kept["lifted"])
+    problem = replace(problem, unusable=frozenset(said["unusable"]), bound=_a(int, said["bound"]))
     trace = Reached(tuple(name for name, _ in said["steps"]), tuple(_states(problem, said["steps"])), said["argument"])
     after = tuple(tuple(_a(int, each) for each in waits) for waits in said["after"])
     checked = check_plan(problem, trace, [_closed(after)] if said["partial"] else ())
@@ -264,22 +264,6 @@ def _following_meant(said: Any, known: Known) -> Following:
     if (checked.after, checked.partial) != (after, said["partial"]):
         _unknown("the checker refuses the order of its plan")
     return Following(checked, **kept)
-
-
-def _problem(said: Any, known: Known, purpose: Purpose, operations: Any, lifted: frozenset[str]) -> Problem:
-    """The question that the plan answered, made from the model again (`recovery.stage_problem`, `exit_problem`)."""
-    leaving = purpose is Purpose.EXIT
-    system = known.model.system if leaving else stage_system(known.model, operations)
-    widened = known.widen(system)
-    all_hold = Goal(conjunction(one.invariant.predicate for one in widened))
-    return Problem(
-        system=system,
-        initial=_state(system, said["initial"]),
-        goals=(all_hold,) if leaving else tuple(Goal(goal_of(known.model, each)) for each in operations),
-        allowed=tuple(one.invariant for one in widened if one.declared.name not in lifted),
-        unusable=frozenset(said["unusable"]),
-        bound=_a(int, said["bound"]),
-    )
 
 
 def _state(system: System, values: Any) -> State:

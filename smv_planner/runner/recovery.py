@@ -34,12 +34,12 @@ from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
 from smv_planner.planner.deorder import disjoint, proposals
 from smv_planner.planner.operations import Task, abstracted, footprints, operation_state, operation_system, tasks
-from smv_planner.planner.reach import Start, pose, violations
+from smv_planner.planner.reach import Start, violations
 from smv_planner.planner.sequences import OperationPlan, constraints, in_order, manual_plan
-from smv_planner.planner.stage import Execution, goal_of, stage_system, start
-from smv_planner.planner.widening import Widened
+from smv_planner.planner.stage import Execution, start
 from smv_planner.problem import Goal, Problem, Reached
 from smv_planner.runner.decision import Action, Course, Decision, Following, Purpose, Request, Wanted
+from smv_planner.runner.posed import Widen, posed
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +47,7 @@ class Planners:
     """What planning needs from outside: an engine, the widening of invariants, the longest plan, a clock for the record."""
 
     solve: Solve
-    widen: Callable[[System], tuple[Widened, ...]]
+    widen: Widen
     bound: int = 100
     clock: Callable[[], float] = lambda: 0.0
 
@@ -293,17 +293,13 @@ class _Recovery:
         lifted: frozenset[str] = frozenset(),
     ) -> Problem:
         """Which transitions bring about the post-conditions of all operations that execute?"""
-        request, system = self.request, stage_system(self.model, executing)
-        widened = tuple(w for w in self.planners.widen(system) if w.declared.name not in lifted)
-        begin = Start(state, widened, lifted, maintenance, request.disabled, request.lost)
-        return Problem(
-            system=system,
-            initial=state,
-            goals=tuple(Goal(goal_of(self.model, execution)) for execution in executing),
-            allowed=tuple(w.invariant for w in widened),
-            unusable=begin.unusable(system),
-            bound=self.planners.bound,
-        )
+        return self.limited(posed(self.model, self.planners.widen, Purpose.OPERATIONS, state, executing, lifted), maintenance)
+
+    def limited(self, problem: Problem, maintenance: bool) -> Problem:
+        """With what may be used now, and for how many steps."""
+        request = self.request
+        begin = Start(problem.initial, (), maintenance=maintenance, disabled=request.disabled, lost=request.lost)
+        return replace(problem, unusable=begin.unusable(problem.system), bound=self.planners.bound)
 
     # --- help -----------------------------------------------------------------------------------------------
 
@@ -344,12 +340,12 @@ class _Recovery:
         broken = frozenset(v.invariant for v in violations(model.system, request.state, widened))
         following = request.following
         if following and following.purpose is Purpose.EXIT and following.lifted == broken:
-            problem = self.exit_problem(widened, broken)
+            problem = self.exit_problem(broken)
             trace = _replayed(problem, following)
             checked = check_plan(problem, trace, proposals(problem, trace)) if trace else None
             if isinstance(checked, CheckedPlan):
                 return self.going_on((), None, Following(checked, Purpose.EXIT, lifted=broken))
-        problem = self.exit_problem(widened, broken)
+        problem = self.exit_problem(broken)
         began = self.planners.clock()
         result = decide(problem, self.planners.solve)
         if isinstance(result, NoPlan) and not result.decided:
@@ -360,11 +356,9 @@ class _Recovery:
             return Decision(tuple(self.actions), stuck=f"{names} violated, and there is no way out: {result.reason}")
         return Decision(tuple(self.actions), following=Following(result, Purpose.EXIT, lifted=broken))
 
-    def exit_problem(self, widened: Sequence[Widened], broken: frozenset[str]) -> Problem:
-        request = self.request
-        held = tuple(w for w in widened if w.declared.name not in broken)
-        begin = Start(request.state, held, broken, True, request.disabled, request.lost)
-        return pose(self.model, begin, [Goal(conjunction(w.invariant.predicate for w in widened))], self.planners.bound)
+    def exit_problem(self, broken: frozenset[str]) -> Problem:
+        problem = posed(self.model, self.planners.widen, Purpose.EXIT, self.request.state, lifted=broken)
+        return self.limited(problem, maintenance=True)
 
     def recheck(self) -> Decision:
         """What in error is possible again by itself: operations, intentions; or else operations with the operator's help."""
