@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import lru_cache
 
+from small_stations import ARMS
+
 import smv_planner as sp
 from smv_planner import api
 from smv_planner.engines import ENGINES, Limits
@@ -32,25 +34,9 @@ from smv_planner.runner.recovery import Planners, recover
 from smv_planner.runner.situation import Situation, Station, at_rest
 from smv_planner.runner.step import step
 
-TWO_ARMS = """
-smv_planner: 1
-name: two_arms
-templates:
-  arm:
-    silent_after: 1 s
-    variables:
-      to: {kind: goal,     domain: [home, out], initial: home}
-      at: {kind: measured, domain: [home, out, dropped], initial: home}
-    transitions:
-      reach:    {kind: controlled, guard: to == home and at == home, actions: {to: out}}
-      retreat:  {kind: controlled, guard: to == out and at == out, actions: {to: home}}
-      arrives:  {kind: effect, guard: to == out and at == home, actions: {at: out}, within: 2 s}
-      returns:  {kind: effect, guard: to == home and at == out, actions: {at: home}, within: 2 s}
-      slips:    {kind: effect, guard: to == out and at == out, actions: {at: dropped}, expected: false}
-      lift:     {kind: maintenance, guard: at == dropped, actions: {at: home, to: home}, instruction: "Lift the $resource arm."}
-resources:
-  left:  {template: arm}
-  right: {template: arm}
+TWO_ARMS = (
+    ARMS
+    + """\
 decision:
   left_done:  {domain: bool, initial: false}
   right_done: {domain: bool, initial: false}
@@ -66,6 +52,7 @@ intentions:
     goal: left_done and right_done
     actions: {noted: true}
 """
+)
 
 
 @lru_cache

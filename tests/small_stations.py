@@ -18,10 +18,10 @@ def without_lift(text: str) -> str:
     return "\n".join(kept) + "\n"
 
 
-# Two arms, one of which has work to do; the operator may lift an arm that was dropped.
-ONE_WORKS = """
+# Two arms; the operator may lift one that was dropped.
+ARMS = """
 smv_planner: 1
-name: one_works
+name: two_arms
 templates:
   arm:
     silent_after: 1 s
@@ -33,10 +33,17 @@ templates:
       retreat:  {kind: controlled, guard: to == out and at == out, actions: {to: home}}
       arrives:  {kind: effect, guard: to == out and at == home, actions: {at: out}, within: 2 s}
       returns:  {kind: effect, guard: to == home and at == out, actions: {at: home}, within: 2 s}
+      slips:    {kind: effect, guard: to == out and at == out, actions: {at: dropped}, expected: false}
       lift:     {kind: maintenance, guard: at == dropped, actions: {at: home, to: home}, instruction: "Lift the $resource arm."}
 resources:
   left:  {template: arm}
   right: {template: arm}
+"""
+
+# One of them has work to do.
+ONE_WORKS = (
+    ARMS
+    + """\
 decision:
   left_done: {domain: bool, initial: false}
 operations:
@@ -44,6 +51,7 @@ operations:
 intentions:
   one: {start: not left_done, goal: left_done}
 """
+)
 
 # A machine with a switch and a button; a part is worked on in two steps. SEQUENCE stands for what is prescribed.
 TWO_STEPS = """

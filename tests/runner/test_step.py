@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rig import PLANNERS, TWO_ARMS, Rig
+from small_stations import edited
 
-from smv_planner.protocol import hub as hubs
 from smv_planner.protocol.messages import GoalMessage, StateMessage
 from smv_planner.runner.decision import Cause, Decision
 from smv_planner.runner.events import (
@@ -277,8 +277,7 @@ def test_a_lost_resource_keeps_its_command_and_gets_no_new_one() -> None:
     rig.wait(1.4, silent=("left",))
     seq = rig.sent("left")[-1].seq
     rig.order(Assign({"left_done": False}))
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     rig.wait(1.0, silent=("left",))
     assert rig.sent("left")[-1].seq == seq
     assert rig.sent("left")[-1].values == {"left.to": "out"}
@@ -351,11 +350,9 @@ def _dropped() -> Rig:
     """Both arms are done but for the left one, which has slipped and needs the operator."""
     rig = Rig().begin()
     rig.measure("left.at", "dropped")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     rig.measure("right.at", "out")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     return rig
 
 
@@ -373,8 +370,7 @@ def test_nothing_goes_on_under_the_hands_of_the_operator() -> None:
     assert rig.sent("left")[-1].values == {"left.to": "home"}
     assert rig.now.wishes
     rig.order(Confirm(rig.instructions[-1].request))
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert rig.sent("left")[-1].values == {"left.to": "out"}
 
 
@@ -382,16 +378,13 @@ def test_a_planner_that_starts_anew_asks_the_operator_again() -> None:
     rig = _dropped()
     rig.do(Began(rig.at, "q"))
     rig.wait(1.0)
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert [one.transition for one in rig.instructions] == ["left.lift", "left.lift"]
     rig.measure("left.at", "home")
     rig.order(Confirm(rig.instructions[-1].request))
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     rig.measure("left.at", "out")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert "'both' is finished" in rig.notes("intention")
 
 
@@ -432,8 +425,7 @@ def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows
     for times in range(1, 4):
         assert "work_left" in rig.executing
         _restart(rig, "left", times)
-        while rig.now.asked:
-            rig.answer()
+        rig.answer_all()
     assert rig.now.failed["work_left"] == "failed 3 times"
     assert rig.now.intentions["both"].status is Status.ERROR
     assert "Try again?" in rig.consents[-1].text
@@ -443,13 +435,7 @@ def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows
 
 
 def test_an_arm_that_slips_needs_the_operator_and_sensors_have_to_agree() -> None:
-    rig = Rig().begin()
-    rig.measure("left.at", "dropped")
-    while rig.now.asked:
-        rig.answer()
-    rig.measure("right.at", "out")
-    while rig.now.asked:
-        rig.answer()
+    rig = _dropped()
     assert [one.transition for one in rig.instructions] == ["left.lift"]
     rig.order(Confirm(rig.instructions[-1].request))
     assert rig.value("left.at") == "dropped"
@@ -461,17 +447,15 @@ def test_an_arm_that_slips_needs_the_operator_and_sensors_have_to_agree() -> Non
     rig.speak("left")
     assert rig.value("left.to") == "out"
     rig.measure("left.at", "out")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert "'both' is finished" in rig.notes("intention")
 
 
 def test_ask_waits_for_approval_of_the_substitute() -> None:
-    text = TWO_ARMS.replace("name: two_arms", "name: two_arms\non_error: ask")
+    text = edited(TWO_ARMS, ("name: two_arms", "name: two_arms\non_error: ask"))
     rig = Rig(text).begin()
     rig.measure("left.at", "dropped")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert rig.now.halted
     assert rig.consents
     rig.order(Approve(rig.consents[-1].request))
@@ -479,11 +463,10 @@ def test_ask_waits_for_approval_of_the_substitute() -> None:
 
 
 def test_halt_stops_until_told_to_proceed() -> None:
-    text = TWO_ARMS.replace("name: two_arms", "name: two_arms\non_error: halt")
+    text = edited(TWO_ARMS, ("name: two_arms", "name: two_arms\non_error: halt"))
     rig = Rig(text).begin()
     rig.measure("left.at", "dropped")
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     assert rig.now.halted
     rig.order(Proceed())
     assert rig.now.halted is None
@@ -492,8 +475,7 @@ def test_halt_stops_until_told_to_proceed() -> None:
 def test_an_effect_may_be_allowed_again_by_hand() -> None:
     rig = Rig().begin()
     rig.wait(2.4)
-    while rig.now.asked:
-        rig.answer()
+    rig.answer_all()
     rig.order(Reenable("left.arrives"))
     assert "left.arrives" not in rig.now.disabled
 
@@ -521,7 +503,7 @@ def test_a_message_that_was_overtaken_changes_nothing() -> None:
 
 def _restart(rig: Rig, name: str, times: int) -> None:
     """The hub has forgotten what it was asked."""
-    rig.hubs[name] = hubs.start(rig.station.interfaces[name], f"{name}-{times + 1}", rig.at, {f"{name}.to": "home"})
+    rig.reboot(name, f"{name}-{times + 1}", to="home")
     rig.speak(name)
     rig.speak(name)
 
