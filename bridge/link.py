@@ -23,8 +23,9 @@ from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from bridge import keys
 from bridge.endpoints import LOOPBACK, Tls, refuse_open
+from bridge.errors import LinkError, RefusedError
 from bridge.printable import printable
-from smv_planner.errors import EngineError, SmvPlannerError
+from smv_planner.errors import SmvPlannerError
 
 if TYPE_CHECKING:
     import zenoh
@@ -49,14 +50,6 @@ READER_ENDS = 2.0
 
 WILD_RING = 1024
 QUERIES = 64
-
-
-class LinkError(EngineError):
-    """The network broke: no router, nobody who answers, or an answer that says no."""
-
-
-class RefusedError(LinkError):
-    """Somebody answered, and said no; the text is theirs."""
 
 
 @dataclass(frozen=True, slots=True)

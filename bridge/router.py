@@ -13,7 +13,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from bridge.endpoints import LOOPBACK, Tls, refuse_open
-from bridge.link import MAX_BYTES, MAX_DOCUMENT, LinkError, settings
+from bridge.errors import LinkError
+from bridge.link import MAX_BYTES, MAX_DOCUMENT, settings
 from smv_planner.errors import Mistake, UsageError
 
 

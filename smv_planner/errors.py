@@ -7,7 +7,6 @@ is wrong (`UsageError`), and a tool that broke (`EngineError`). That there is no
 from __future__ import annotations
 
 from collections.abc import Iterable
-from difflib import get_close_matches
 
 from smv_planner.lazy import dataclass
 
@@ -77,6 +76,8 @@ class EngineError(SmvPlannerError):
 
 def did_you_mean(word: str, known: Iterable[str]) -> str | None:
     """A hint that names the closest known word, if one is close."""
+    from difflib import get_close_matches
+
     close = get_close_matches(word, list(known), n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else None
 

@@ -7,7 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Self
 
-from bridge.link import LatestMailbox, LinkError, Mailbox
+from bridge.errors import LinkError
+from bridge.link import LatestMailbox, Mailbox
 
 PATIENCE = 30.0
 """Seconds until a test gives up; what it waits for takes milliseconds on an idle machine."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from smv_planner.check import pairs, relaxed
 from smv_planner.check.plan import Refused
 from smv_planner.check.projection import projected
 from smv_planner.model.expressions import conjunction, meaning
@@ -14,7 +13,7 @@ from smv_planner.problem import Exhausted, Inductive, Pairs, Problem, Projected,
 def check_proof(problem: Problem, proof: Proof) -> Refused | None:
     """None if the proof holds: it has the start in it, no step leads out of it, and nothing in it meets the goals.
 
-    A start that is not allowed needs no further proof.
+    A start that is not allowed needs no further proof. What a kind of proof needs is imported when there is one.
     """
     if not meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)(problem.initial):
         return None
@@ -25,14 +24,18 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
         case Exhausted():
             return _check_exhausted(problem, proof)
         case Relaxed():
+            from smv_planner.check import relaxed
+
             reason = relaxed.broken(problem, proof)
         case Pairs():
+            from smv_planner.check import pairs
+
             reason = pairs.broken(problem, proof)
         case Inductive():
-            from smv_planner.check.inductive import broken  # the only part of the kernel that needs a SAT solver
+            from smv_planner.check import inductive  # the only part of the kernel that needs a SAT solver
 
             try:
-                reason = broken(problem, proof)
+                reason = inductive.broken(problem, proof)
             except OverflowError as error:
                 return Refused(str(error), too_large=True)
     return Refused(reason) if reason else None

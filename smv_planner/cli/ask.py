@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkError
+from bridge.errors import LinkError
+from bridge.link import Link
 from bridge.printable import printable
 from smv_planner.cli import outcome
 from smv_planner.cli.asking import PATIENCE, add_planner, document, running_cell

@@ -9,7 +9,8 @@ from contextlib import suppress
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkError
+from bridge.errors import LinkError
+from bridge.link import Link
 from bridge.printable import printable
 from smv_planner.cli import heard
 from smv_planner.cli.network import add_network, named_cell

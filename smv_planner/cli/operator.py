@@ -12,7 +12,8 @@ from collections.abc import Callable
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkError
+from bridge.errors import LinkError
+from bridge.link import Link
 from bridge.printable import printable
 from smv_planner import language
 from smv_planner.cli import heard, outcome

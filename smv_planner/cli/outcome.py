@@ -8,11 +8,10 @@ import json
 import os
 import signal
 import sys
-import traceback
 from collections.abc import Callable, Sequence
 from typing import Any, NoReturn
 
-from bridge.link import LinkError, RefusedError
+from bridge.errors import LinkError, RefusedError
 from smv_planner.errors import EngineError, Mistake, MistakesError, ModelError, UsageError
 
 REACHED = 0
@@ -77,6 +76,8 @@ def run(command: Callable[[Sequence[str]], int], arguments: Sequence[str]) -> in
         _report([Mistake(f"the answer cannot be written: {error.strerror}")], as_json=False)
         return ENGINE_FAILED
     except Exception:  # a broken assumption of ours; its own exit status 1 would read as 'unreachable'
+        import traceback
+
         traceback.print_exc()
         _report([Mistake("this is a mistake in smv_planner, not in your scenario; please report it")], as_json)
         return ENGINE_FAILED

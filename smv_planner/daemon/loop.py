@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge import keys
-from bridge.link import MAX_DOCUMENT, Link, LinkError, most
+from bridge.errors import LinkError
+from bridge.link import MAX_DOCUMENT, Link, most
 from smv_planner.daemon import documents, orders
 from smv_planner.daemon.chronicle import Chronicle
 from smv_planner.daemon.planners import Opinion, Planners

@@ -15,7 +15,8 @@ from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from typing import Any
 
-from bridge.link import Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import Link, LinkConfig, open_link
 from smv_planner import api, language
 from smv_planner.daemon import chronicle as chronicles
 from smv_planner.daemon import logs, metrics

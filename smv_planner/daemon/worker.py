@@ -17,7 +17,7 @@ from typing import BinaryIO
 
 from smv_planner import api
 from smv_planner.daemon.second import Second
-from smv_planner.engines import ENGINES, Limits
+from smv_planner.engines import ENGINES, Limits, auto
 from smv_planner.errors import EngineError
 from smv_planner.lazy import dataclass
 from smv_planner.model.model import Model
@@ -64,6 +64,7 @@ def main() -> None:
 
 def serve(job: Job, questions: BinaryIO, answers: BinaryIO) -> None:
     """Answer questions until there are no more."""
+    auto.prepare()
     model = job.model
     known = Known(model, api.widened_system)
     api.widened(model)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
 from smv_planner.check.projection import projected
-from smv_planner.check.relaxed import out_of_reach
 from smv_planner.errors import EngineError
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Const, Equal, Var, show
@@ -96,6 +95,8 @@ def why_never(problem: Problem, proof: Proof) -> str:
 
 
 def _never(problem: Problem, proof: Relaxed) -> str:
+    from smv_planner.check.relaxed import out_of_reach
+
     match out_of_reach(problem, proof):
         case [Equal(Var() as variable, Const() as value), *_]:
             return f"even if nothing ever got in the way, '{show(variable)}' can never become {show(value)}"

@@ -11,7 +11,8 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkError
+from bridge.errors import LinkError
+from bridge.link import Link
 from bridge.wire import Wire
 from smv_planner.emulation.behaviour import Behaviour
 from smv_planner.errors import Mistake, UsageError, did_you_mean

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from functools import lru_cache
 
 from smv_planner import api
-from smv_planner.engines import ENGINES, Limits
+from smv_planner.engines import ENGINES, Limits, auto
 from smv_planner.errors import EngineError, Mistake, UsageError, did_you_mean
 from smv_planner.model.model import Model
 from smv_planner.problem import Problem, Verdict
@@ -29,6 +29,7 @@ def planners(engine: str = api.DEFAULT_ENGINE, clock: Callable[[], float] = no_c
     missing = ENGINES[engine].available()
     if missing:
         raise EngineError(missing)
+    auto.prepare()
 
     def solve(problem: Problem) -> Verdict:
         return ENGINES[engine].ask(problem, Limits(deadline, api.MEMORY, lambda text: None))

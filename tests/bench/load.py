@@ -19,7 +19,8 @@ from pathlib import Path
 from typing import Any
 
 from bridge import keys
-from bridge.link import Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import Link, LinkConfig, open_link
 from bridge.router import free_endpoint
 
 HUBS, PERIOD, SECONDS = 100, 0.1, 20.0

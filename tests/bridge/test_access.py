@@ -14,7 +14,8 @@ from bridge_wires import until
 
 from bridge import keys
 from bridge.access import OPERATOR, PLANNER, SPECTATOR, access_control, hub_name
-from bridge.link import Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import Link, LinkConfig, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 

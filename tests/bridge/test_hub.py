@@ -19,8 +19,9 @@ from bridge_wires import Network, until
 import smv_planner as sp
 from bridge import keys
 from bridge.descriptions import descriptions, read, written
+from bridge.errors import LinkError
 from bridge.hub import Hub
-from bridge.link import LinkConfig, LinkError, Mailbox, open_link
+from bridge.link import LinkConfig, Mailbox, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 from smv_planner.protocol.hub import Hold, Safe

@@ -14,7 +14,8 @@ import pytest
 
 from bridge import keys
 from bridge.endpoints import Tls, is_local
-from bridge.link import MAX_BYTES, MAX_DOCUMENT, Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import MAX_BYTES, MAX_DOCUMENT, Link, LinkConfig, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.errors import UsageError
 

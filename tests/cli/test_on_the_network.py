@@ -17,7 +17,7 @@ from jsonschema import Draft202012Validator
 
 import smv_planner as sp
 from bridge import keys
-from bridge.link import LinkError, RefusedError
+from bridge.errors import LinkError, RefusedError
 from smv_planner.cli import heard, outcome
 from smv_planner.cli.asking import Events, document
 from smv_planner.cli.main import command

@@ -7,7 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-from bridge.link import LatestMailbox, LinkError, Mailbox
+from bridge.errors import LinkError
+from bridge.link import LatestMailbox, Mailbox
 from smv_planner.daemon.planners import Reply
 from smv_planner.runner.decision import Decision, Request
 from smv_planner.simulate.process import MemoryDisk

@@ -17,7 +17,8 @@ from typing import Any
 
 import smv_planner as sp
 from bridge import keys
-from bridge.link import Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import Link, LinkConfig, open_link
 from bridge.router import RouterConfig, free_endpoint, router
 from smv_planner.cli import outcome
 from smv_planner.cli.asking import Events

@@ -20,7 +20,8 @@ from bridge_wires import Network, until
 
 import smv_planner as sp
 from bridge import keys
-from bridge.link import Link, LinkConfig, LinkError, open_link
+from bridge.errors import LinkError
+from bridge.link import Link, LinkConfig, open_link
 from bridge.router import free_endpoint
 from smv_planner.emulation.behaviour import Behaviour, Instead
 from smv_planner.errors import UsageError

@@ -3,6 +3,8 @@
 Relaxed reachability proves most impossible goals impossible at once. Breadth-first search on packed states finds a
 shortest plan or runs out of states. Where there are too many, bounded model checking looks for a shortest plan from
 where the search stopped, in turns with a search for an inductive proof that there is none.
+
+Most plans are found by the first states that are looked at. What else there is, is imported where it is needed.
 """
 
 from __future__ import annotations
@@ -12,12 +14,8 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.clock import Over, watched
-from smv_planner.engines.auto.frames import Frames
 from smv_planner.engines.auto.grounding import Ground
-from smv_planner.engines.auto.guide import NEVER
-from smv_planner.engines.auto.mutexes import FACTS, kept_apart
 from smv_planner.engines.auto.parts import Part, merged
-from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Ended, Paused, Search, Tables
 from smv_planner.engines.auto.session import Session, session_of
 from smv_planner.lazy import dataclass, replace
@@ -102,6 +100,11 @@ class Means:
     memory: int
     on_time: OnTime
     search: Callable[[], int] | None = None
+
+
+def prepare() -> None:
+    """Import what hard questions need: who plans for a station that runs shall not wait for it in between."""
+    from smv_planner.engines.auto import bounded, frames, guide, mutexes, relaxed, symmetry  # noqa: F401
 
 
 def ask(problem: Problem, limits: Limits, budget: int = BUDGET, search: Callable[[], int] | None = None) -> Verdict:
@@ -201,6 +204,11 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     search = Search(tables, problem)
     searching, fold = search.explore(), None
     found = _search(searching, problem, min(SOME if hard else FEW, states), means)
+    if isinstance(found, Reached):
+        return replace(found, argument=SEARCHED)
+    from smv_planner.engines.auto.guide import NEVER
+    from smv_planner.engines.auto.relaxed import out_of_reach
+
     if isinstance(found, Paused | Ended):
         warm.was_hard(ground)
         part = warm.parts(ground).needed(problem)
@@ -289,6 +297,8 @@ def _apart(
     found: Reached | Ended | Paused | Late, problem: Problem, warm: Session, ground: Ground, on_time: OnTime, patience: int
 ) -> Unreachable | None:
     """A proof by pairs of facts, unless there are too many of them, or fewer states than are soon checked."""
+    from smv_planner.engines.auto.mutexes import FACTS, kept_apart
+
     few = isinstance(found, Ended) and found.number * patience <= MANY
     if few or not isinstance(found, Ended | Paused) or ground.packing.facts > FACTS:
         return None
@@ -325,6 +335,8 @@ def _search(
 
 def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime, patience: int) -> Inductive | None:
     """A proof by clauses, if one is found in less time than the kernel needs to check a proof by states."""
+    from smv_planner.engines.auto.frames import Frames
+
     if ended.number * patience <= MANY:
         return None
     ends = time.monotonic() + ended.number * SECONDS_PER_STATE * patience
@@ -345,6 +357,8 @@ def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, mean
     The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
     than that no plan is within the bound.
     """
+    from smv_planner.engines.auto.frames import Frames
+
     by = "SAT" if not depth else "breadth-first search, then SAT," if depth <= problem.bound else "breadth-first search"
     not_within = NotWithin(problem.bound, f"{by} ruled out every plan within the bound")
     unrolled = warm.unrolled()

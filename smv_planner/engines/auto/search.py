@@ -8,15 +8,18 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
+from typing import TYPE_CHECKING
 
 from smv_planner.engines.auto.clock import look
 from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
-from smv_planner.engines.auto.symmetry import Fold
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State
 from smv_planner.problem import Exhausted, Problem, Reached
+
+if TYPE_CHECKING:
+    from smv_planner.engines.auto.symmetry import Fold
 
 SETTLED = "settled"
 """Stands for 'no automatic transition is enabled' in formulas over propositions; no user name looks like the others."""

@@ -1,22 +1,26 @@
 """What is kept of a system between questions: everything here depends on the system, nothing on an earlier question.
 
-Systems compare by identity, so a session is found again for as long as the same system is asked about.
+Systems compare by identity, so a session is found again for as long as the same system is asked about. What few questions
+need is imported when one does: `smv-plan` starts for one question.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
-from smv_planner.engines.auto.bounded import Unrolled
 from smv_planner.engines.auto.grounding import Ground, Shared, ground
-from smv_planner.engines.auto.guide import Guide
-from smv_planner.engines.auto.mutexes import Mutexes
 from smv_planner.engines.auto.parts import Part, Parts
-from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Tables
-from smv_planner.engines.auto.symmetry import Symmetries
 from smv_planner.model.system import Invariant, System
+
+if TYPE_CHECKING:
+    from smv_planner.engines.auto.bounded import Unrolled
+    from smv_planner.engines.auto.guide import Guide
+    from smv_planner.engines.auto.mutexes import Mutexes
+    from smv_planner.engines.auto.relaxed import Abstraction
+    from smv_planner.engines.auto.symmetry import Symmetries
 
 SYSTEMS = 64
 """How many systems stay warm."""
@@ -77,17 +81,23 @@ class Session:
 
     def abstraction(self, of: Ground) -> Abstraction:
         if of not in self._abstractions:
+            from smv_planner.engines.auto.relaxed import Abstraction
+
             self._abstractions[of] = Abstraction(of)
         self._abstractions[of].trim()
         return self._abstractions[of]
 
     def guide(self, of: Ground) -> Guide:
         if of not in self._guides:
+            from smv_planner.engines.auto.guide import Guide
+
             self._guides[of] = Guide(of, self.abstraction(of))
         return self._guides[of]
 
     def mutexes(self, of: Ground) -> Mutexes:
         if of not in self._mutexes:
+            from smv_planner.engines.auto.mutexes import Mutexes
+
             self._mutexes[of] = Mutexes(of)
         return self._mutexes[of]
 
@@ -98,6 +108,8 @@ class Session:
 
     def symmetries(self, of: Ground) -> Symmetries:
         if of not in self._symmetries:
+            from smv_planner.engines.auto.symmetry import Symmetries
+
             self._symmetries[of] = Symmetries(of)
         return self._symmetries[of]
 
@@ -116,6 +128,8 @@ class Session:
                 self._unrolled.clauses.close()
                 self._unrolled = None
         if self._unrolled is None:
+            from smv_planner.engines.auto.bounded import Unrolled
+
             self._unrolled = Unrolled(self._system, self.actions)
         return self._unrolled
 
