@@ -5,8 +5,7 @@ from collections.abc import Iterator
 import pytest
 from generated import question
 
-from smv_planner.engines.auto.guide import Estimate
-from smv_planner.engines.auto.search import Paused, Search, Tables
+from smv_planner.engines.auto.search import Estimate, Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.model.ltl import ALWAYS_TRUE
 from smv_planner.problem import Problem, Reached

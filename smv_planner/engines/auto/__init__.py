@@ -56,9 +56,6 @@ GUIDED = 5_000
 QUICK = 4_000
 """Up to how many facts times actions pairwise mutexes take a few milliseconds. Else as many states are looked at first."""
 
-GUIDED_TO_SEVERAL = 1_000
-"""The same for several goals: the farthest of them alone says little about how many steps all of them take."""
-
 ALIKE = 6
 """From how many interchangeable things on it stands for many."""
 
@@ -277,7 +274,7 @@ def _guided(search: Search, warm: Session, ground: Ground, on_time: OnTime) -> R
         return 0
     remaining = search.remaining(estimate)
     limit = estimate(ground.packing.pack(problem.initial), -1)
-    left = GUIDED if len(problem.goals) == 1 else GUIDED_TO_SEVERAL
+    left = GUIDED
     while limit <= problem.bound:
         found: Reached | Ended | Paused = Paused(limit, 0)
         for found in search.explore(within=(remaining, limit)):

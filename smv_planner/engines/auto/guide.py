@@ -4,22 +4,24 @@ The last step before a goal is met is taken by one of a few actions; what it nee
 each, a plan that loses nothing (a relaxed plan) tells which variables have to change. They are split into patterns of
 which every action changes one at most, so that the steps needed in each add up, and a pattern's distances are found by
 searching it alone, whatever all other variables are (pattern databases: Culberson and Schaeffer 1998, Felner and others
-2004). Everything left out makes steps possible, never impossible; so no distance is overestimated.
+2004). Everything left out makes steps possible, never impossible; so no distance is overestimated. A few goals are looked
+at together: a pattern has to come by what each of them needs, in any order.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
-from itertools import combinations, product
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, permutations, product
+from math import prod
 
 from smv_planner.engines.auto.bounded import question
 from smv_planner.engines.auto.clock import Over, look
 from smv_planner.engines.auto.frames import numbered
-from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives
+from smv_planner.engines.auto.grounding import DEALT_OUT, Action, Ground, Truth, alternatives
 from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
-from smv_planner.engines.auto.search import Computed, Tables
+from smv_planner.engines.auto.search import Computed, Estimate, Tables
 from smv_planner.lazy import dataclass
-from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, variables_of
+from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, disjunction, variables_of
 from smv_planner.model.ltl import Both, Formula, Until
 from smv_planner.problem import Problem
 
@@ -32,8 +34,14 @@ CASES = 12
 BITS = 15
 """How many bits of a state a pattern has at most, unless some action changes more."""
 
+BITS_PER_GOAL = 2
+"""How many more it may have for each other goal that is looked at together with the first."""
+
 STATES = 20_000
 """How many states of a pattern are looked at; where there are more, it says nothing."""
+
+TOGETHER = 3
+"""How many goals are looked at together."""
 
 ALTERNATIVES = 4
 """How many alternatives of what a last action needs are looked at apart."""
@@ -46,29 +54,39 @@ GOALS = 1000
 
 
 class Distances(dict[int, int]):
-    """By the bits of a pattern: how many steps that change the pattern are needed at least until the conditions may hold."""
+    """How many steps that change a pattern are needed at least until each of some targets may have been met once.
 
-    def __init__(self, of: Ground, pattern: frozenset[str], actions: Iterable[Action], target: Iterable[Expr]) -> None:
+    Looked up by the bits of the pattern, and above them a bit for each target that is still to be met.
+    """
+
+    def __init__(
+        self,
+        of: Ground,
+        clauses: Iterable[Expr],
+        pattern: frozenset[str],
+        actions: Iterable[Action],
+        targets: Sequence[Iterable[Expr]],
+    ) -> None:
         super().__init__()
         self.part = of.packing.mask(pattern)
+        self._width = of.packing.width
         within = [piece for action in actions for piece in _within(of, action, pattern)]
-        last = Action(of.actions[0].transition, tuple(part for part in target if of.reads(part) <= pattern), {})
-        clauses = tuple(clause for clause in of.clauses if of.reads(clause) <= pattern)
-        self._tables = Freely(Ground(of.system, (*within, last), clauses, of.shared))
+        last = [Action(of.actions[0].transition, tuple(target), {}) for target in targets]
+        allowed = tuple(clause for clause in clauses if of.reads(clause) <= pattern)
+        self._tables = Freely(Ground(of.system, (*within, *last), allowed, of.shared), len(last))
+        self._together = range(1, 1 << len(last))
         self._following: dict[int, list[int]] = {}
-        self._targets: list[int] = []
+        self._met: list[tuple[int, int]] = []
 
-    def __missing__(self, part: int) -> int:
+    def __missing__(self, key: int) -> int:
         try:
-            self._explore(part)
+            self._explore(key & self.part)
         except Over:  # what is half explored would seem to lead nowhere
             self._following.clear()
-            self._targets.clear()
+            self._met.clear()
             raise
-        self.update(dict.fromkeys(self._following, NEVER if len(self._following) <= STATES else 0))
-        if len(self._following) <= STATES:
-            self._measure()
-        return self[part]
+        self._measure()
+        return self[key]
 
     def _explore(self, start: int) -> None:
         """Add what can follow on a state of the pattern."""
@@ -90,7 +108,7 @@ class Distances(dict[int, int]):
                 found.append(node & keep | worth[node & worth.part])
             following[node] = found
             if met:
-                self._targets.append(node)
+                self._met.append((node, met))
             waiting += found
         for node in waiting:
             following.setdefault(node, [])
@@ -99,22 +117,41 @@ class Distances(dict[int, int]):
         return len(self._following)
 
     def _measure(self) -> None:
+        many = len(self._following) > STATES
         before: dict[int, list[int]] = {}
-        for node, following in self._following.items():
-            for after in following:
-                before.setdefault(after, []).append(node)
-        waiting, distance = self._targets, 0
-        for node in waiting:
-            self[node] = 0
-        while waiting:
+        if not many:
+            for node, following in self._following.items():
+                for after in following:
+                    before.setdefault(after, []).append(node)
+        for still in self._together:  # a set of targets comes after the smaller ones in it
+            above = still << self._width
+            self.update(dict.fromkeys([node | above for node in self._following], 0 if many else NEVER))
+            if not many:
+                self._spread(above, self._nearest(still), before)
+
+    def _nearest(self, still: int) -> dict[int, list[int]]:
+        """Where one of the targets is met, by how many steps all others then take."""
+        nearest: dict[int, list[int]] = {}
+        for node, met in self._met:
+            if met & still:
+                left = still & ~met
+                nearest.setdefault(self[node | left << self._width] if left else 0, []).append(node)
+        nearest.pop(NEVER, None)
+        return nearest
+
+    def _spread(self, above: int, nearest: dict[int, list[int]], before: Mapping[int, list[int]]) -> None:
+        """Set distances from what is near to what is farther away."""
+        distance = 0
+        while nearest:
+            waiting = nearest.pop(distance, ())
             distance += 1
-            nearest = []
+            farther = nearest.get(distance, [])
             for node in waiting:
-                for earlier in before.get(node, ()):
-                    if self[earlier] > distance:
-                        self[earlier] = distance
-                        nearest.append(earlier)
-            waiting = nearest
+                if self[node | above] >= distance:
+                    self[node | above] = distance - 1
+                    farther += before.get(node, ())
+            if farther:
+                nearest[distance] = farther
 
 
 def _within(of: Ground, action: Action, pattern: frozenset[str]) -> Iterator[Action]:
@@ -129,31 +166,31 @@ def _within(of: Ground, action: Action, pattern: frozenset[str]) -> Iterator[Act
 
 
 class Freely(Tables):
-    """Moves where automatic actions have no priority. The last action does nothing: if it is enabled, a target is met."""
+    """Moves where automatic actions have no priority. The last few do nothing: if one is enabled, a target is met."""
 
-    def __init__(self, of: Ground) -> None:
+    def __init__(self, of: Ground, targets: int) -> None:
         super().__init__(of)
-        self.ahead = Ahead(self)
+        self.ahead = Ahead(self, targets)
 
 
-Ways = tuple[bool, list[tuple[int, int]], list[tuple[int, Computed]]]
+Ways = tuple[int, list[tuple[int, int]], list[tuple[int, Computed]]]
 
 
 class Ahead(dict[int, Ways]):
-    """By the mask that the views leave: whether the target is met, and the moves."""
+    """By the mask that the views leave: which targets are met, and the moves."""
 
-    def __init__(self, tables: Freely) -> None:
+    def __init__(self, tables: Freely, targets: int) -> None:
         super().__init__()
         self._tables = tables
+        self._moves = tables.moves[: len(tables.moves) - targets]
 
     def __missing__(self, mask: int) -> Ways:
         tables = self._tables
         left = tables.needed(mask)
-        met, chosen = False, []
+        met, chosen = 0, []
         if left & tables.allowed:
-            *moves, _ = tables.moves
-            met = bool(left >> len(moves) & 1)
-            chosen = [move for move in moves if left >> move.action & 1]
+            met = (left & tables.allowed - 1) >> len(self._moves)
+            chosen = [move for move in self._moves if left >> move.action & 1]
         self[mask] = (
             met,
             [(move.keep, move.put) for move in chosen if move.computed is None],
@@ -162,45 +199,60 @@ class Ahead(dict[int, Ways]):
         return self[mask]
 
 
-Case = tuple[tuple[int, Distances], ...]
-"""Patterns, the bits of a state that each is about and how far away it is; together what has to come before a last action."""
+@dataclass(frozen=True, slots=True)
+class Last:
+    """An action by which a goal may come to hold, what has to hold before it, and the variables that change until then."""
+
+    action: int
+    target: tuple[Expr, ...]
+    condition: Condition
+    names: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
 class Towards:
-    """How far a goal is away at least: nothing if it holds, else what comes before one of the actions that may make it hold."""
+    """A goal as far as it can be said what comes before it: for as long as all of `until` is owed and the goal does not hold."""
 
+    until: int
     part: int
     holds: Truth
-    cases: tuple[Case, ...]
+    lasts: tuple[Last, ...]
 
-    def __call__(self, node: int) -> int:
-        if self.holds[node & self.part]:
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Case:
+    """What comes before one last action of each goal: how far away it is, pattern by pattern.
+
+    `besides` says for every set of goals how many steps come on top, since they change no pattern or come last of all.
+    """
+
+    besides: tuple[int, ...]
+    patterns: tuple[Distances, ...]
+
+
+class Together:
+    """How many steps there are at least before all of a few goals have been met that are still owed."""
+
+    def __init__(self, goals: Sequence[Towards], cases: Sequence[Case], width: int) -> None:
+        self._goals = [(1 << at, goal.until, goal.part, goal.holds) for at, goal in enumerate(goals)]
+        self._cases = [(case.besides, [(each.part, each) for each in case.patterns]) for case in cases]
+        self._width = width
+
+    def __call__(self, node: int, owed: int) -> int:
+        still = 0
+        for bit, until, part, holds in self._goals:
+            if owed & until and not holds[node & part]:
+                still |= bit
+        if not still:
             return 0
-        least = NEVER
-        for case in self.cases:
-            steps = 1
-            for part, distances in case:
-                steps += distances[node & part]
+        least, above = NEVER, still << self._width
+        for besides, patterns in self._cases:
+            steps = besides[still]
+            for part, distances in patterns:
+                steps += distances[node & part | above]
             if steps < least:
                 least = steps
         return least
-
-
-class Estimate:
-    """How many steps there are at least before all goals that are still owed have been met."""
-
-    def __init__(self, goals: Sequence[tuple[int, Towards]]) -> None:
-        self._goals = goals
-
-    def __call__(self, node: int, owed: int) -> int:
-        most = 0
-        for until, towards in self._goals:
-            if owed & until:
-                steps = towards(node)
-                if steps > most:
-                    most = steps
-        return most
 
 
 class Guide:
@@ -209,8 +261,10 @@ class Guide:
     def __init__(self, of: Ground, abstraction: Abstraction) -> None:
         self._of = of
         self._abstraction = abstraction
+        self._clauses = tuple(dict.fromkeys(part for clause in of.clauses for part in _dealt_out(clause)))
+        self._allowed = abstraction.condition(self._clauses)
         self._known: dict[object, Distances] = {}
-        self._lasts: dict[object, list[tuple[tuple[Expr, ...], Condition]]] = {}
+        self._lasts: dict[object, list[tuple[int, tuple[Expr, ...], Condition]]] = {}
         self._cases: dict[object, Case] = {}
 
     def estimate(self, problem: Problem) -> Estimate | None:
@@ -220,26 +274,27 @@ class Guide:
         numbers = {id(node): number for number, (node, _) in enumerate(numbered(formula))}
         found = []
         for goal, until in zip(problem.goals, each_of(formula), strict=True):
-            towards = self._goal(goal.predicate, support)
+            towards = self._goal(goal.predicate, 1 << numbers[id(until)] | 1 << numbers[id(formula)], support)
             if towards is not None:
-                found.append((1 << numbers[id(until)] | 1 << numbers[id(formula)], towards))
-        return Estimate(found) if found else None
+                found.append(towards)
+        estimates = [self._together(goals, support) for goals in _few(found)]
+        return _farthest(estimates) if estimates else None
 
-    def _goal(self, predicate: Expr, support: Support) -> Towards | None:
+    def _goal(self, predicate: Expr, until: int, support: Support) -> Towards | None:
         of = self._of
         names = of.reads(predicate)
-        cases = []
-        for target, condition in self._last(predicate, support.taken):
-            pattern = support.changed(condition)
-            if pattern is not None:
-                cases.append(self._case(target, pattern, support.taken))
-        if not 0 < len(cases) <= CASES:
+        lasts = []
+        for action, target, condition in self._last(predicate, support.taken):
+            changed = support.changed(condition)
+            if changed is not None:
+                lasts.append(Last(action, target, condition, changed))
+        if not 0 < len(lasts) <= CASES:
             return None
         ordered = sorted(names, key=of.packing.order.__getitem__)
-        return Towards(of.packing.mask(names), of.shared.truth(predicate, ordered), tuple(cases))
+        return Towards(until, of.packing.mask(names), of.shared.truth(predicate, ordered), tuple(lasts))
 
-    def _last(self, predicate: Expr, taken: tuple[int, ...]) -> list[tuple[tuple[Expr, ...], Condition]]:
-        """What has to hold before the step that makes a predicate true, for each way."""
+    def _last(self, predicate: Expr, taken: tuple[int, ...]) -> list[tuple[int, tuple[Expr, ...], Condition]]:
+        """What has to hold before the step that makes a predicate true, for each way, and which action that is."""
         key = predicate, taken
         if key not in self._lasts:
             if len(self._lasts) == GOALS:
@@ -247,40 +302,54 @@ class Guide:
             self._lasts[key] = list(self._ways(predicate, taken))
         return self._lasts[key]
 
-    def _ways(self, predicate: Expr, taken: tuple[int, ...]) -> Iterator[tuple[tuple[Expr, ...], Condition]]:
+    def _ways(self, predicate: Expr, taken: tuple[int, ...]) -> Iterator[tuple[int, tuple[Expr, ...], Condition]]:
         names, wanted = self._of.reads(predicate), tuple(conjuncts(predicate))
-        for action in map(self._of.actions.__getitem__, taken):
+        for at in taken:
+            action = self._of.actions[at]
             if not names.isdisjoint(action.assigned):
                 needed = (*action.conditions, *(part for each in wanted for part in self._of.shared.keeps(action, each)))
                 for target in _split(needed):
                     if FALSE not in target:
-                        condition = self._abstraction.forced(self._abstraction.condition(target))
-                        yield (*target, *self._abstraction.written(condition)), condition
+                        condition = self._abstraction.forced(self._abstraction.condition(target), self._allowed)
+                        if condition is not None:
+                            yield at, (*target, *self._abstraction.written(condition)), condition
 
-    def _case(self, target: tuple[Expr, ...], names: frozenset[str], taken: tuple[int, ...]) -> Case:
-        key = target, names, taken
+    def _together(self, goals: Sequence[Towards], support: Support) -> Together:
+        cases = [self._case(lasts, support) for lasts in product(*(goal.lasts for goal in goals))]
+        different = {(case.besides, *map(id, case.patterns)): case for case in cases}
+        return Together(goals, tuple(different.values()), self._of.packing.width)
+
+    def _case(self, lasts: tuple[Last, ...], support: Support) -> Case:
+        names = frozenset().union(*(last.names for last in lasts), *_in_turn(lasts, support))
+        targets = tuple(last.target for last in lasts)
+        key = targets, names, support.taken
         if key not in self._cases:
             if len(self._cases) == GOALS:
                 self._cases.clear()
-            self._cases[key] = tuple(self._distances(target, names, taken))
+            free = [last.action if names.isdisjoint(self._of.actions[last.action].assigned) else None for last in lasts]
+            besides = [
+                max(1, len({action for at, action in enumerate(free) if still >> at & 1 and action is not None}))
+                for still in range(1 << len(lasts))
+            ]
+            self._cases[key] = Case(tuple(besides), tuple(self._distances(targets, names, support.taken)))
         return self._cases[key]
 
     def _distances(
-        self, target: tuple[Expr, ...], names: frozenset[str], taken: Sequence[int]
-    ) -> Iterator[tuple[int, Distances]]:
+        self, targets: Sequence[tuple[Expr, ...]], names: frozenset[str], taken: Sequence[int]
+    ) -> Iterator[Distances]:
         actions = [(at, self._of.actions[at]) for at in taken if not names.isdisjoint(self._of.actions[at].assigned)]
-        for pattern in self._patterns(names, [action for _, action in actions]):
+        for pattern in self._patterns(names, [action for _, action in actions], BITS + BITS_PER_GOAL * (len(targets) - 1)):
             within = [(at, action) for at, action in actions if not pattern.isdisjoint(action.assigned)]
-            asked = tuple(part for part in target if self._of.reads(part) <= pattern)
-            key = pattern, frozenset(asked), tuple(at for at, _ in within)
+            asked = [frozenset(part for part in target if self._of.reads(part) <= pattern) for target in targets]
+            key = pattern, tuple(asked), tuple(at for at, _ in within)
             if key not in self._known:
                 if sum(distances.size() for distances in self._known.values()) > KEPT:
                     self._known.clear()
                     self._cases.clear()
-                self._known[key] = Distances(self._of, pattern, [action for _, action in within], asked)
-            yield self._known[key].part, self._known[key]
+                self._known[key] = Distances(self._of, self._clauses, pattern, [action for _, action in within], asked)
+            yield self._known[key]
 
-    def _patterns(self, names: frozenset[str], actions: list[Action]) -> list[frozenset[str]]:
+    def _patterns(self, names: frozenset[str], actions: list[Action], bits: int) -> list[frozenset[str]]:
         """The variables, apart where no action changes both; joined where most conditions speak of both."""
         order, masks = self._of.packing.order, self._of.packing.masks
         patterns = [frozenset([name]) for name in sorted(names, key=order.__getitem__)]
@@ -295,12 +364,39 @@ class Guide:
             pairs = [
                 (sum(1 for read in reads if read & one and read & other), one, other)
                 for one, other in combinations(patterns, 2)
-                if sum(masks[name].bit_count() for name in one | other) <= BITS
+                if sum(masks[name].bit_count() for name in one | other) <= bits
             ]
             most = max(pairs, key=lambda pair: pair[0], default=(0, frozenset(), frozenset()))
             if not most[0]:
                 return patterns
             patterns = _joined(patterns, most[1] | most[2])
+
+
+def _in_turn(lasts: Iterable[Last], support: Support) -> Iterator[frozenset[str]]:
+    """The variables that change on the way from one goal to another."""
+    for one, other in permutations(lasts, 2):
+        changed = support.changed(other.condition, support.after(one.condition, one.action))
+        if changed is not None:
+            yield changed
+
+
+def _few(goals: Iterable[Towards]) -> Iterator[list[Towards]]:
+    """Goals that are looked at together: few, and with few cases."""
+    few: list[Towards] = []
+    for goal in goals:
+        cases = prod(len(each.lasts) for each in (*few, goal))
+        if few and (len(few) == TOGETHER or cases > CASES):
+            yield few
+            few = []
+        few.append(goal)
+    if few:
+        yield few
+
+
+def _farthest(estimates: Sequence[Estimate]) -> Estimate:
+    if len(estimates) == 1:
+        return estimates[0]
+    return lambda node, owed: max(estimate(node, owed) for estimate in estimates)
 
 
 def each_of(formula: Formula) -> Iterator[Until]:
@@ -322,6 +418,16 @@ def _split(parts: tuple[Expr, ...]) -> Iterator[tuple[Expr, ...]]:
                 yield (*parts[:at], *conjuncts(way), *parts[at + 1 :])
             return
     yield parts
+
+
+def _dealt_out(clause: Expr) -> Iterator[Expr]:
+    """A clause as several of which each reads less, where some of its alternatives are conjunctions of a few parts."""
+    parts = [tuple(conjuncts(part)) for part in alternatives(clause)]
+    if prod(map(len, parts)) > DEALT_OUT:
+        yield clause
+    else:
+        for chosen in product(*parts):
+            yield disjunction(chosen)
 
 
 def _joined(patterns: list[frozenset[str]], names: Iterable[str]) -> list[frozenset[str]]:

@@ -317,16 +317,18 @@ class Abstraction:
         hits = union(hit for mask, hit in self._hits.items() if mask & bit)
         return hits, union(1 << at for at, action in enumerate(self.actions) if action.asks & hits)
 
-    def forced(self, condition: Condition) -> Condition:
-        """The condition together with what it leaves of single variables where everything allowed holds too."""
-        narrow, before = condition.narrow, 0
+    def forced(self, condition: Condition, allowed: Condition) -> Condition | None:
+        """The condition together with what it leaves of single variables where `allowed` holds too; None if nothing is left."""
+        narrow, before = condition.narrow & allowed.narrow, 0
         masks = dict.fromkeys(condition.masks)
         while narrow != before:
             before = narrow
-            for mask in (*condition.masks, *self.allowed.masks):
+            for mask in (*condition.masks, *allowed.masks):
                 left = mask & narrow
-                field = self._field[self.variable(left)] if left else 0
-                if left and not left & ~field and (field & narrow) & ~left:
+                if not left:
+                    return None
+                field = self._field[self.variable(left)]
+                if not left & ~field and (field & narrow) & ~left:
                     narrow &= ~field | left
                     masks.setdefault(field)
         return Condition(narrow, tuple(masks), condition.others)
@@ -341,6 +343,10 @@ class Abstraction:
                     for at, value in enumerate(values)
                     if condition.narrow >> low + at & 1
                 )
+
+    def fields(self, names: Iterable[str]) -> Sets:
+        """All values of some variables."""
+        return union(self._field[self.index[name]] for name in names)
 
     def variable(self, bit: Sets) -> int:
         """Which variable a value belongs to."""
@@ -438,28 +444,47 @@ class Support:
     taken: tuple[int, ...]
     first: Mapping[Sets, int]
 
-    def changed(self, condition: Condition) -> frozenset[str] | None:
-        """The variables that a plan that loses nothing changes until a condition holds; None if it cannot."""
+    def changed(self, condition: Condition, begin: Sets | None = None) -> frozenset[str] | None:
+        """The variables that a plan that loses nothing changes until a condition holds; None if it cannot.
+
+        It begins where the question does, or with the values of `begin`.
+        """
         names = [variable.name for variable in self.abstraction.system.variables]
-        known = self.begin
+        known = self.begin if begin is None else begin
         changed: set[str] = set()
         waiting = self._asked(condition)
         while waiting:
             mask = waiting.pop()
             if mask & known:
                 continue
-            bit = next((bit for bit in self.first if bit & mask), 0)
+            bit, at = self._brought_about(mask)
             if not bit:
                 return None
             known |= bit
             name = names[self.abstraction.variable(bit)]
             changed.add(name)
-            at = self.first[bit]
             waiting += self._asked(self.abstraction.actions[at].condition)
             value = self.abstraction.assigned[at].get(name)
             if isinstance(value, Var):
                 waiting.append(self.abstraction.same(bit, value.name))
         return frozenset(changed)
+
+    def _brought_about(self, mask: Sets) -> tuple[Sets, int]:
+        """The first of some values to come about, and by which action; none if they never do."""
+        for bit, at in self.first.items():
+            if bit & mask:
+                return bit, at
+        for at in self.taken:
+            again = self.abstraction.actions[at].constant & mask
+            if again:
+                return again & -again, at
+        return 0, 0
+
+    def after(self, condition: Condition, action: int) -> Sets:
+        """The values that variables may have when an action is taken while a condition holds."""
+        constant = self.abstraction.actions[action].constant
+        assigned = self.abstraction.fields(self.abstraction.assigned[action])
+        return condition.narrow & ~assigned | constant
 
     def _asked(self, condition: Condition) -> list[Sets]:
         return [mask & condition.narrow for mask in condition.masks]
