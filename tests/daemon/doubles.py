@@ -59,12 +59,13 @@ class MemoryLink:
         pass
 
 
-@dataclass
 class LoggedDisk(MemoryDisk):
     """Says when something is safe; a `full` one takes nothing."""
 
-    log: list[tuple[str, str]] = field(default_factory=list)
-    full: bool = False
+    def __init__(self, log: list[tuple[str, str]] | None = None) -> None:
+        super().__init__()
+        self.log = [] if log is None else log
+        self.full = False
 
     def create(self, name: str) -> None:
         self._room()
