@@ -96,7 +96,7 @@ def only_request(found: dict[str, Any], answer: str) -> str:
 
 
 def health(asked: argparse.Namespace) -> int:
-    """0 if the planner is well; else 1, whatever the reason, for those who restart it."""
+    """0 if the planner does its work; else 1, whatever the reason, for those who restart it. A station may wait all the same."""
     try:
         found = _status(asked)
         if found is None:
@@ -110,7 +110,7 @@ def health(asked: argparse.Namespace) -> int:
     else:
         text = "; ".join(found["wrong"])  # there may be nothing else
         text = text or f"well: {found['phase']}, {found['ticks']} ticks, the last {found['tick_age']:g} s ago"
-        print(printable(text))
+        print(printable("\n".join([text, *(f"the station waits: {each}" for each in found["waiting"])])))
     return outcome.REACHED if found["healthy"] else UNHEALTHY
 
 

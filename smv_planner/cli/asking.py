@@ -51,7 +51,11 @@ def document(link: Link, key: str, kind: str) -> dict[str, Any]:
 
 
 class Events:
-    """What planners say has happened, each event once and in order, also those that were lost on the way."""
+    """What planners say has happened, each event once and in order, also those that were lost on the way.
+
+    Only the next number is believed as it comes. After a gap the planner is asked, so that nobody hides what happens
+    behind a number that no planner has reached.
+    """
 
     def __init__(self, link: Link, cell: str) -> None:
         self._link, self._cell = link, cell
@@ -65,9 +69,11 @@ class Events:
         fresh: list[dict[str, Any]] = []
         said = [heard.document(payload, "event") for _, payload in self._mailbox.drain()]
         for event in [each for each in said if each is not None]:
-            if event["number"] > self._last.get(event["planner"], 0) + 1:
-                fresh += self._missed(event["planner"])
-            fresh += self._first_time(event)
+            planner, number = event["planner"], event["number"]
+            if number > self._last.get(planner, 0) + 1:  # a reason to ask, and no more: anybody may have said it
+                fresh += self._missed(planner)
+            if number == self._last.get(planner, 0) + 1:
+                fresh += self._first_time(event)
         if time.monotonic() - self._asked_at > AGAIN:
             fresh += self._missed(next(reversed(self._last), ""))
         return fresh

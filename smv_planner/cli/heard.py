@@ -37,8 +37,10 @@ def fits(value: Any, schema: Schema) -> bool:
             return any(type(value) is type(word) and value == word for word in words)
         case {"oneOf": schemas}:
             return sum(fits(value, each) for each in schemas) == 1
+        case {"if": condition, "then": schema}:
+            return not fits(value, condition) or fits(value, schema)
     types = schema["type"] if isinstance(schema["type"], list) else [schema["type"]]
-    if not any(_TYPES[each](value) for each in types):
+    if not any(_TYPES[each](value) for each in types) or not all(fits(value, each) for each in schema.get("allOf", ())):
         return False
     match value:
         case dict():

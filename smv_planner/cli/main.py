@@ -131,7 +131,8 @@ def parser() -> argparse.ArgumentParser:
             help="say whether the planner is well",
             description="Say whether the planner that runs is well: exit 0, else 1. It is not if it stands still, if its journal "
             "cannot be written, or if another planner has taken over. The planner of this machine is asked without the network; "
-            "over the network where --connect says so, or if none has run here.",
+            "over the network where --connect says so, or if none has run here. What the station waits for is told, and changes "
+            "nothing about that.",
         )
     )
     operator.add_operator(

@@ -12,6 +12,7 @@ from smv_planner import language
 from smv_planner.cli import outcome
 from smv_planner.cli.question import settings
 from smv_planner.daemon.config import FILE, PREFIX, SETTINGS, Config, resolved, state_folder
+from smv_planner.daemon.signals import Signals
 from smv_planner.model.model import Model
 
 
@@ -66,10 +67,12 @@ def show_config(asked: argparse.Namespace) -> int:
 
 
 def run(asked: argparse.Namespace) -> int:
+    signals = Signals()
+    signals.remember_reload()  # the scenario may change while it is being read
     model = language.load(asked.scenario)
     config = configured(asked, model)
     given = settings(model, asked.set)
     from smv_planner.daemon.service import serve
 
-    serve(model, asked.scenario, config, given)
+    serve(model, asked.scenario, config, given, signals)
     return outcome.REACHED

@@ -15,7 +15,7 @@ from bridge import keys
 from bridge.link import Link
 from smv_planner.cli.asking import Events
 from smv_planner.errors import Mistake, UsageError
-from smv_planner.lazy import dataclass, field
+from smv_planner.lazy import dataclass, field, fields
 from smv_planner.model.domains import Value, show_value
 from smv_planner.model.expressions import meaning
 from smv_planner.model.model import Model
@@ -117,8 +117,9 @@ class Staged:
 
 
 def _note(event: dict[str, Any]) -> Note:
-    """An event that was published, as the runner noted it."""
+    """An event that was published, as the runner noted it. Its data is as the schema says: `heard` has seen to that."""
     data = dict(event["data"])
     if event["event"] == "decision":
-        data["actions"] = tuple(Action(**action) for action in data["actions"])
+        names = [each.name for each in fields(Action)]
+        data["actions"] = tuple(Action(**{name: action[name] for name in names}) for action in data["actions"])
     return Note(event["event"], event["text"], data)

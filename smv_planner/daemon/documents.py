@@ -85,6 +85,12 @@ def operator(station: Station, now: Situation) -> dict[str, Any]:
     }
 
 
+def waiting(now: Situation) -> list[str]:
+    """What has to happen outside the planner before it can go on, or go on with everything."""
+    told = [f"{how}: {why}" for how, why in (("halted", now.halted), ("stuck", now.stuck)) if why]
+    return told + [f"the operator: {wish.text}" for wish in now.wishes.values() if wish.confirmed_at is None]
+
+
 def event(station: Station, now: Situation, note: Note, number: int) -> dict[str, Any]:
     """Something that has happened. `number` grows by one each time, so that who misses one knows."""
     return {**head("event", station, now), "number": number, "event": note.kind, "text": note.text, "data": plain(note.data)}

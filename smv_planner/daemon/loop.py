@@ -186,7 +186,7 @@ class Daemon:
         return max(1.0, 5 * self.station.model.period)
 
     def health(self) -> dict[str, Any]:
-        """Whether all is well, and what is not."""
+        """Whether the planner does its work, and why not; and what the station waits for, which no restart would change."""
         now, age = self.situation, self.clock() - self.pulse.ticked_at
         wrong = []
         if age > self.patience:
@@ -202,12 +202,11 @@ class Daemon:
             wrong.append("all resources are lost")
         if self._undecided >= FAILURES:
             wrong.append(f"{self._undecided} decisions in a row did not come about")
-        if now.stuck:
-            wrong.append(now.stuck)
         return {
             **documents.head("health", self.station, now),
             "healthy": not wrong,
             "wrong": wrong,
+            "waiting": documents.waiting(now),
             "phase": now.phase.value,
             "connected": connected,
             "halted": now.halted,

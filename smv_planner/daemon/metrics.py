@@ -64,7 +64,13 @@ def text(daemon: Daemon) -> str:
             lines.append(f'smv_planner_{name}{{cell="{cell}"{labels}}} {_number(value)}')
 
     health = daemon.health()
-    metric("healthy", "gauge", "Whether all is well.", ("", health["healthy"]))
+    metric("healthy", "gauge", "Whether the planner does its work.", ("", health["healthy"]))
+    metric(
+        "waiting",
+        "gauge",
+        "What the station waits for: a halt to end, a way to go on, the operator.",
+        ("", len(health["waiting"])),
+    )
     metric("connected", "gauge", "Whether there is a router.", ("", health["connected"]))
     metric("worker_starts_total", "counter", "Processes begun that plan.", ("", health["worker_starts"]))
     metric("phase", "gauge", "The phase it is in.", (f',phase="{now.phase.value}"', 1))

@@ -26,6 +26,27 @@ VALUES: Schema = {"type": "object", "additionalProperties": VALUE}
 COUNTS: Schema = {"type": "object", "additionalProperties": COUNT}
 
 
+def _object(**fields: Schema) -> Schema:
+    return {"type": "object", "properties": fields, "required": list(fields)}
+
+
+def _list(item: Schema) -> Schema:
+    return {"type": "array", "items": item}
+
+
+DATA: dict[str, Schema] = {
+    "decision": _object(
+        actions=_list(_object(name=TEXT, reached=YES, what=TEXT, ordinary=YES, seconds=NUMBER, reason=TEXT)),
+    ),
+    "fired": _object(transition=TEXT),
+    "instruct": _object(transition=TEXT),
+    "intention": _object(intention=TEXT, state=TEXT),
+    "measured": {"type": "object", "properties": {"effects": TEXTS}},
+    "operation": _object(operation=TEXT, state=TEXT),
+}
+"""What events of these kinds are about; other kinds, and other fields, are for people to read."""
+
+
 def schemas() -> dict[str, Schema]:
     """One for each kind of document, by the last part of its key.
 
@@ -33,6 +54,7 @@ def schemas() -> dict[str, Schema]:
     `events` the answer.
     """
     event = _document("event", number={**COUNT, "minimum": 1}, event=TEXT, text=TEXT, data={"type": "object"})
+    event["allOf"] = [_with_data(word, data) for word, data in DATA.items()]
     return {
         "situation": _document(
             "situation",
@@ -83,6 +105,7 @@ def schemas() -> dict[str, Schema]:
             "health",
             healthy=YES,
             wrong=TEXTS,
+            waiting=TEXTS,
             phase=_word(Phase),
             connected=YES,
             halted=_or_null(TEXT),
@@ -96,6 +119,12 @@ def schemas() -> dict[str, Schema]:
         "order": {**_titled("order"), "oneOf": [_order(word, field) for word, (_, field) in ORDERS.items()]},
         "accepted": {**_titled("accepted"), "oneOf": [_accepted(word, field) for word, (_, field) in ORDERS.items()]},
     }
+
+
+def _with_data(word: str, data: Schema) -> Schema:
+    """If it is an event of this kind, it has such data."""
+    kind: Schema = {"type": "object", "properties": {"event": {"const": word}}}
+    return {"if": kind, "then": {"type": "object", "properties": {"data": data}}}
 
 
 def _order(word: str, field: str | None) -> Schema:
@@ -129,14 +158,6 @@ def _document(kind: str, **fields: Schema) -> Schema:
 
 def _titled(kind: str) -> Schema:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": kind}
-
-
-def _object(**fields: Schema) -> Schema:
-    return {"type": "object", "properties": fields, "required": list(fields)}
-
-
-def _list(item: Schema) -> Schema:
-    return {"type": "array", "items": item}
 
 
 def _each(item: Schema) -> Schema:

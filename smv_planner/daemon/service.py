@@ -8,7 +8,6 @@ from __future__ import annotations
 import logging
 import os
 import secrets
-import signal
 import threading
 import time
 from collections.abc import Callable, Mapping
@@ -25,12 +24,13 @@ from smv_planner.daemon.loop import Daemon
 from smv_planner.daemon.notify import Notify
 from smv_planner.daemon.planners import Worker, job
 from smv_planner.daemon.reload import changes, moved
+from smv_planner.daemon.signals import Signals
 from smv_planner.daemon.sizes import too_large
 from smv_planner.daemon.status import Status
 from smv_planner.engines import ENGINES
 from smv_planner.errors import EngineError, Mistake, SmvPlannerError, UsageError, did_you_mean
 from smv_planner.journal import Folder, Refused, Unwritten
-from smv_planner.lazy import dataclass, replace
+from smv_planner.lazy import replace
 from smv_planner.model.domains import Value
 from smv_planner.model.model import Model
 from smv_planner.protocol.interface import interfaces
@@ -44,35 +44,18 @@ LOOK = 0.2
 """So often is looked after signals while there is no router."""
 
 
-@dataclass
-class Signals:
-    """What signals have asked for. Handlers only set these: in a handler no lock may be taken."""
-
-    stop: bool = False
-    reload: bool = False
-
-    def listen(self) -> None:
-        def stop(*_: object) -> None:
-            self.stop = True
-
-        def reload(*_: object) -> None:
-            self.reload = True
-
-        signal.signal(signal.SIGTERM, stop)
-        signal.signal(signal.SIGINT, stop)
-        signal.signal(signal.SIGHUP, reload)
-
-
-def serve(model: Model, path: str, config: Config, given: Mapping[str, Value]) -> None:
+def serve(model: Model, path: str, config: Config, given: Mapping[str, Value], signals: Signals) -> None:
     """Plan for a station until told to stop. A new journal begins with the values `given` for products.
+
+    A reload that `signals` remember from before is made up for.
 
     Raises UsageError, EngineError, LinkError.
     """
     settings = {name: found.value for name, found in config.items()}
     link = link_config(config)
     logs.begin(settings["log_format"], settings["log_level"])
-    signals, following = Signals(), model
-    signals.listen()  # before there is anything to wait for: a SIGHUP that nobody listens to would kill us
+    signals.listen()  # before there is anything to wait for
+    following = model
     while not signals.stop:
         following = _reign(following, path, settings, link, signals, given)
 

@@ -17,7 +17,7 @@ from typing import Any
 FILE = "status.json"
 EVERY = 1.0
 
-_MATTERS = ("planner", "epoch", "phase", "wrong")
+_MATTERS = ("planner", "epoch", "phase", "wrong", "waiting")
 
 
 class Status:
@@ -58,12 +58,12 @@ def found(folder: str | os.PathLike[str], clock: Callable[[], float] = time.mono
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, AttributeError, TypeError) as error:
-        return {"healthy": False, "current": False, "wrong": [f"the status in '{folder}' cannot be read: {error}"]}
+        return {"healthy": False, "current": False, "waiting": [], "wrong": [f"the status in '{folder}' cannot be read: {error}"]}
     said["current"] = 0 <= age <= counts
     if not said["current"]:  # less than nothing: the machine has been started anew
         old = f"it said so {age:.1f} s ago" if age > 0 else "it said so before this machine was started"
         said["wrong"] = [*said["wrong"], f"nothing new is heard of the planner, {old}: it was killed, hangs, or cannot write"]
-        said["healthy"] = False
+        said["healthy"], said["waiting"] = False, []
     said["tick_age"] = round(said["tick_age"] + max(0.0, age), 3)
     return said
 

@@ -23,8 +23,10 @@ from smv_planner.cli.asking import Events, document
 from smv_planner.cli.main import command
 from smv_planner.cli.network import cell_of, named_cell
 from smv_planner.cli.operator import Desk
+from smv_planner.cli.staged import Staged
 from smv_planner.daemon.schema import schemas
 from smv_planner.errors import EngineError, UsageError
+from smv_planner.simulate.script import case
 
 ROOT = Path(__file__).parents[2]
 DOOR = sp.load(ROOT / "scenarios/door")
@@ -48,6 +50,10 @@ EVENT: dict[str, Any] = {
     "text": "'r1'",
     "data": {},
 }
+ACTION = {"name": "TP", "reached": True, "what": "work", "ordinary": False, "seconds": 0.1, "reason": ""}
+DECISION = {**EVENT, "event": "decision", "data": {"cause": "timeout", "actions": [ACTION]}}
+MEASURED = {**EVENT, "event": "measured", "data": {"resource": "door", "effects": ["door.opens"]}}
+OPERATION = {**EVENT, "event": "operation", "data": {"operation": "work", "state": "executing"}}
 GARBAGE = [b"", b"\xff", b"{", b"[]", b"null", b"{}", b"[" * 100_000, b'{"requests": [{}]}', b'{"number": "1", "planner": []}']
 WRONG: list[Any] = [None, "", -1, 7, True, 0.5, [], {}, [None], {"x": None}, {"x": 1}, ["x"], "missing", "unknown"]
 
@@ -72,7 +78,7 @@ def every(found: Any, wrong: Any) -> list[Any]:
 def test_what_is_taken_is_as_the_schema_says(kind: str, wrong: Any) -> None:
     schema = schemas()[kind]
     judge = Draft202012Validator(schema)
-    for sound in (ASKED, EVENT, {"order": "set", "values": {"x": 1}}, {"order": "proceed"}):
+    for sound in (ASKED, EVENT, DECISION, MEASURED, OPERATION, {"order": "set", "values": {"x": 1}}, {"order": "proceed"}):
         for said in [sound, *every(sound, wrong)]:
             assert heard.fits(said, schema) == judge.is_valid(said), said
 
@@ -99,6 +105,34 @@ def test_events_are_told_once() -> None:
     other.publish(keys.event("c"), json.dumps(EVENT).encode())
     assert [each["number"] for each in events.new()] == [1]
     assert events.new() == []
+
+
+def test_nobody_hides_what_happens_behind_a_number_that_no_planner_has_reached() -> None:
+    network = Network()
+    events, other = Events(network.link(), "c"), network.link()
+    said = [{**EVENT, "number": number} for number in (1, 2, 3)]
+    other.publish(keys.event("c"), json.dumps({**EVENT, "number": 10**14}).encode())
+    assert events.new() == [], "nobody confirms it"
+    other.answer(keys.event("c"), lambda _: json.dumps(said[:2]).encode())
+    other.publish(keys.event("c"), json.dumps({**EVENT, "number": 10**14}).encode())
+    assert [each["number"] for each in events.new()] == [1, 2], "what the planner says when it is asked"
+    other.publish(keys.event("c"), json.dumps(said[2]).encode())
+    assert [each["number"] for each in events.new()] == [3]
+
+
+@pytest.mark.parametrize("data", [{}, {"actions": 1}, {"actions": [{}]}, {"actions": [{**ACTION, "name": 1}]}])
+def test_a_decision_that_is_none_is_no_event(data: dict[str, Any]) -> None:
+    assert heard.document(json.dumps({**DECISION, "data": data}).encode(), "event") is None
+
+
+def test_a_case_takes_decisions_from_the_network_with_more_in_them_than_it_knows() -> None:
+    network = Network()
+    nothing = case("description: nothing\nwhen: []\nthen: {never: [door.locked]}", DOOR)
+    staged = Staged(network.link(), "c", DOOR, nothing, 1.0)
+    later = {**DECISION, "data": {"actions": [{**ACTION, "of_a_later_version": 1}]}}
+    network.link().publish(keys.event("c"), json.dumps(later).encode())
+    staged.look()
+    assert [action.name for action in staged.record.recovery] == ["TP"]
 
 
 def test_nobody_writes_to_the_terminal_of_the_operator(capsys: pytest.CaptureFixture[str]) -> None:

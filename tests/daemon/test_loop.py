@@ -33,7 +33,7 @@ from smv_planner.runner.decision import Decision
 from smv_planner.runner.events import Assign, Began
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import recover
-from smv_planner.runner.situation import Phase, Station, at_rest
+from smv_planner.runner.situation import Phase, Station, Wish, WishKind, at_rest
 from smv_planner.simulate.planning import planners
 
 MODEL = load(ROOT / "scenarios" / "door")
@@ -275,12 +275,29 @@ def test_who_asks_for_its_health_hears_what_is_wrong(bench: Bench) -> None:
     assert "all resources are lost" in wrong()
 
 
-def test_waiting_for_a_hub_that_never_speaks_is_not_well() -> None:
+def test_a_planner_that_waits_for_a_hub_is_well_and_says_what_it_waits_for() -> None:
     bench = Bench()
     for tick in range(100):
         bench.daemon.once(bench.now + tick * PERIOD)
     assert bench.daemon.situation.phase is Phase.JOINING
-    assert any("has never spoken" in each for each in bench.daemon.health()["wrong"])
+    health = bench.daemon.health()
+    assert "has never spoken" in "".join(health["waiting"])
+    assert "has never spoken" not in "".join(health["wrong"])
+
+
+def test_a_planner_whose_station_is_stuck_or_waits_for_people_is_well(bench: Bench) -> None:
+    bench.order(order="start", intention=MODEL.intentions[0].name)
+    bench.planners.answer(lambda request: Decision(stuck="nothing can be done"))
+    bench.pass_time()
+    health = bench.daemon.health()
+    assert health["healthy"]
+    assert health["waiting"] == ["stuck: nothing can be done"]
+    wish = Wish(WishKind.MAINTENANCE, "Lift it.", 0, "lift")
+    done = replace(wish, confirmed_at=1.0)
+    bench.daemon.situation = replace(bench.daemon.situation, stuck=None, halted="'r1' failed", wishes={"1.1": wish, "1.2": done})
+    health = bench.daemon.health()
+    assert health["healthy"]
+    assert health["waiting"] == ["halted: 'r1' failed", "the operator: Lift it."]
 
 
 @pytest.mark.parametrize(

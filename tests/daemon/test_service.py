@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import socket
@@ -18,10 +19,14 @@ from daemon.stations import PATIENCE, ROOT, Station, load, routed, station, unti
 
 import smv_planner as sp
 from bridge.router import free_endpoint
-from smv_planner import api
+from smv_planner import api, language
+from smv_planner.cli.main import command
 from smv_planner.daemon import chronicle as chronicles
+from smv_planner.daemon import service
 from smv_planner.daemon.planners import Opinion, Worker, job
 from smv_planner.daemon.service import Coming
+from smv_planner.daemon.signals import Signals
+from smv_planner.model.model import Model
 from smv_planner.runner.decision import Cause, Decision, Request, Wanted
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import promised
@@ -103,6 +108,23 @@ def test_with_a_full_disk_the_old_scenario_stays(tmp_path: Path, known: Known) -
     until(lambda: coming.take_over(chronicle, situation), "it takes over")
     assert coming.taken
     assert coming.taken.hash == sp.load(scenario).hash
+
+
+def test_a_reload_that_is_asked_for_while_the_scenario_is_being_read_is_remembered(monkeypatch: pytest.MonkeyPatch) -> None:
+    served: list[Signals] = []
+
+    def reads(path: str) -> Model:
+        os.kill(os.getpid(), signal.SIGHUP)
+        return load(ROOT / "scenarios" / "door")
+
+    monkeypatch.setattr(language, "load", reads)
+    monkeypatch.setattr(service, "serve", lambda *given: served.append(given[-1]))
+    before = signal.getsignal(signal.SIGHUP)
+    try:
+        assert command(["run", "scenarios/door"]) == 0
+    finally:
+        signal.signal(signal.SIGHUP, before)
+    assert [signals.reload for signals in served] == [True]
 
 
 def test_signals_are_heard_while_there_is_no_router(tmp_path: Path) -> None:

@@ -12,7 +12,16 @@ from daemon.stations import health
 from smv_planner.cli.ask import UNHEALTHY
 from smv_planner.daemon.status import EVERY, FILE, Status, found
 
-HEALTH = {"planner": "one", "epoch": 1, "phase": "running", "ticks": 5, "tick_age": 0.0, "wrong": [], "healthy": True}
+HEALTH = {
+    "planner": "one",
+    "epoch": 1,
+    "phase": "running",
+    "ticks": 5,
+    "tick_age": 0.0,
+    "wrong": [],
+    "waiting": [],
+    "healthy": True,
+}
 COUNTS = 1.0
 
 
@@ -47,13 +56,14 @@ def test_it_is_written_each_second_and_when_something_changes(tmp_path: Path, cl
 
 
 def test_it_counts_until_the_next_one_is_missing(tmp_path: Path, clock: Clock) -> None:
-    Status(str(tmp_path), COUNTS, clock).tell(HEALTH)
+    Status(str(tmp_path), COUNTS, clock).tell({**HEALTH, "waiting": ["stuck: no way"]})
     clock.now += EVERY + 0.9 * COUNTS
     assert said(tmp_path, clock)["healthy"]
     clock.now += 0.2 * COUNTS
     late = said(tmp_path, clock)
     assert not late["healthy"]
     assert "killed" in late["wrong"][0]
+    assert not late["waiting"], "nobody knows"
     assert late["tick_age"] == pytest.approx(2.1)
     clock.now = 3.0  # the machine was started anew
     assert not said(tmp_path, clock)["healthy"]
@@ -95,6 +105,10 @@ def test_the_planner_of_this_machine_is_found_without_being_named(
             assert health() == 0
     assert health("--cell", "a") == 0
     assert health("--cell", "b") == UNHEALTHY
+    assert "station" not in capsys.readouterr().out
+    Status(str(tmp_path / "smv_planner" / "a"), COUNTS).tell({**HEALTH, "waiting": ["stuck: no way"]})
+    assert health("--cell", "a") == 0, "a planner that knows no way does its work"
+    assert "the station waits: stuck: no way" in capsys.readouterr().out
     capsys.readouterr()
     assert health() == 2
     assert "--journal" in capsys.readouterr().err
