@@ -3,6 +3,7 @@
 A run of the whole, with the steps left out that do not touch these variables, is a run of the projection: steps that do
 write some of them neither read nor write any other variable, or can never be taken. Of the invariants and goals all that
 reads others is left out, and so is a formula that counts steps. That makes it easier, so that no plan here is no plan.
+A proof by sets of values needs none of this: where the other variables may be worth anything, it is one about the whole.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from smv_planner.model.expressions import FALSE, TRUE, Expr, conjunction, conjun
 from smv_planner.model.ltl import atoms, counts_steps
 from smv_planner.model.semantics import ready
 from smv_planner.model.system import Invariant, System
-from smv_planner.problem import Goal, Problem
+from smv_planner.problem import Goal, Problem, Relaxed
 
 
 def projected(problem: Problem, names: frozenset[str]) -> Problem | str:
@@ -34,6 +35,15 @@ def projected(problem: Problem, names: frozenset[str]) -> Problem | str:
         allowed=tuple(Invariant(i.name, _about(i.predicate, names)) for i in problem.allowed),
         unusable=frozenset(),
     )
+
+
+def of_the_whole(system: System, names: frozenset[str], part: Relaxed) -> Relaxed | None:
+    """A proof about some variables, as one where the others may be worth anything; None if it is not about these."""
+    own = [v.name for v in system.variables if v.name in names]
+    if len(own) != len(names) or len(own) != len(part.values):
+        return None
+    sets = dict(zip(own, part.values, strict=True))
+    return Relaxed(tuple(sets.get(v.name, v.domain.values) for v in system.variables))
 
 
 def goals_about(problem: Problem, names: frozenset[str]) -> Iterator[Goal]:

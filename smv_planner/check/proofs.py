@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from smv_planner.check.plan import Refused
-from smv_planner.check.projection import projected
+from smv_planner.check.projection import of_the_whole, projected
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
 from smv_planner.model.semantics import Steps
@@ -18,6 +18,9 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
     if not meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)(problem.initial):
         return None
     match proof:
+        case Projected(variables, Relaxed() as inner):
+            whole = of_the_whole(problem.system, variables, inner)
+            return check_proof(problem, whole) if whole else Refused("the proof's sets are not one for every variable it names")
         case Projected(variables, inner):
             part = projected(problem, variables)
             return Refused(part) if isinstance(part, str) else check_proof(part, inner)

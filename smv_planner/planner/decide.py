@@ -6,14 +6,16 @@ from collections.abc import Callable, Iterable
 
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
-from smv_planner.check.projection import projected
+from smv_planner.check.projection import goals_about, of_the_whole
 from smv_planner.errors import EngineError
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Const, Equal, Var, show
 from smv_planner.model.semantics import judge
+from smv_planner.model.system import System
 from smv_planner.planner.deorder import proposals
 from smv_planner.problem import (
     Exhausted,
+    Goal,
     Inductive,
     NotWithin,
     Pairs,
@@ -80,24 +82,26 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
 def why_never(problem: Problem, proof: Proof) -> str:
     """A proof of unreachability in words."""
     match proof:
-        case Projected(variables, inner):
-            part = projected(problem, variables)
-            assert not isinstance(part, str), "the proof has been checked"
-            return why_never(part, inner)
+        case Projected(variables, Relaxed() as inner):
+            whole = of_the_whole(problem.system, variables, inner)
+            assert whole, "the proof has been checked"
+            return _never(problem.system, goals_about(problem, variables), whole)
+        case Projected(_, inner):
+            return why_never(problem, inner)
         case Exhausted(reached):
             return f"all {len(reached)} states that can follow were looked at, and none meets the goal"
         case Relaxed():
-            return _never(problem, proof)
+            return _never(problem.system, problem.goals, proof)
         case Pairs(apart):
             return f"whatever happens, {len(apart)} pairs of values never hold together, and every way to the goals needs some"
         case Inductive(clauses):
             return f"whatever happens, {len(clauses)} conditions that every step preserves keep the goal from being met"
 
 
-def _never(problem: Problem, proof: Relaxed) -> str:
+def _never(system: System, goals: Iterable[Goal], proof: Relaxed) -> str:
     from smv_planner.check.relaxed import out_of_reach
 
-    match out_of_reach(problem, proof):
+    match out_of_reach(system, goals, proof):
         case [Equal(Var() as variable, Const() as value), *_]:
             return f"even if nothing ever got in the way, '{show(variable)}' can never become {show(value)}"
         case [part, *_]:
