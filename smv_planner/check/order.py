@@ -61,7 +61,7 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
     block_of = {at: number for number, group in enumerate(groups) for at in group}
     needs = [sum({1 << block_of[at] for at in _bits(wait)}) for wait in waits]
 
-    steps = Steps(problem.system, problem.usable)
+    steps = problem.steps
     monitor = Monitor(problem.formula, problem.system.index)
     everything = (1 << len(groups)) - 1
     start: tuple[int, State, tuple[Obligations, ...]] = (0, problem.initial, (monitor.start,))

@@ -8,7 +8,7 @@ from smv_planner.check.order import Order, certified, is_order, reduced, total_o
 from smv_planner.check.slides import may_slide
 from smv_planner.lazy import dataclass
 from smv_planner.model.ltl import holds
-from smv_planner.model.semantics import Steps, judge
+from smv_planner.model.semantics import judge
 from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
@@ -56,13 +56,12 @@ def _broken_replay(problem: Problem, trace: Reached) -> str | None:
         return f"{len(trace.path)} steps are more than the bound of {problem.bound}"
     if trace.states[0] != problem.initial:
         return "the trace does not begin in the initial state"
-    steps = Steps(problem.system, problem.usable)
     for at, name in enumerate(trace.path):
         before, after = trace.states[at], trace.states[at + 1]
-        possible = list(steps.by(before, name))
+        possible = list(problem.steps.by(before, name))
         if after not in possible:
             return f"step {at}: '{name}' " + ("does not lead to the state given" if possible else "is not possible there")
-    if not steps.settled(trace.states[-1]):
+    if not problem.steps.settled(trace.states[-1]):
         return "the last state is not settled"
     return None
 

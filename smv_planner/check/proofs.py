@@ -6,7 +6,7 @@ from smv_planner.check.plan import Refused
 from smv_planner.check.projection import of_the_whole, projected
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
-from smv_planner.model.semantics import Steps
+from smv_planner.model.semantics import judge
 from smv_planner.problem import Exhausted, Inductive, Pairs, Problem, Projected, Proof, Relaxed
 
 
@@ -15,7 +15,7 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
 
     A start that is not allowed needs no further proof. What a kind of proof needs is imported when there is one.
     """
-    if not meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)(problem.initial):
+    if not all(judge(problem.system, invariant.predicate)(problem.initial) for invariant in problem.allowed):
         return None
     match proof:
         case Projected(variables, Relaxed() as inner):
@@ -45,7 +45,7 @@ def check_proof(problem: Problem, proof: Proof) -> Refused | None:
 
 
 def _check_exhausted(problem: Problem, proof: Exhausted) -> Refused | None:
-    steps = Steps(problem.system, problem.usable)
+    steps = problem.steps
     monitor = Monitor(problem.formula, problem.system.index)
     allowed = meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)
     if (problem.initial, monitor.start) not in proof.reached:

@@ -7,11 +7,11 @@ state, what can follow in one part can follow whatever the others do, and an inv
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import compress
 
-from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, variables_of
-from smv_planner.model.semantics import once, slide
+from smv_planner.model.semantics import REMEMBERED, once, slide
 from smv_planner.model.system import State, System, Transition
 
 
@@ -24,7 +24,7 @@ def may_slide(system: System, states: Iterable[State], invariants: Sequence[Expr
     too_large: OverflowError | None = None
     for part in _parts(system, invariants):
         try:
-            if slide(system, _alike(system, starts, part), part.invariants, among=part.transitions) is not None:
+            if part.may_slide(system, starts):
                 return True
         except OverflowError as error:
             too_large = error
@@ -33,23 +33,67 @@ def may_slide(system: System, states: Iterable[State], invariants: Sequence[Expr
     return False
 
 
-@dataclass(frozen=True, slots=True)
 class _Part:
-    """Transitions and invariants that hang together, and all variables that they use."""
+    """Transitions and invariants that hang together; it remembers from where nothing slides."""
 
-    used: frozenset[str]
-    transitions: tuple[Transition, ...]
-    invariants: tuple[Expr, ...]
+    def __init__(self, system: System, used: frozenset[str], transitions: tuple[Transition, ...], invariants: tuple[Expr, ...]):
+        self.transitions, self.invariants = transitions, invariants
+        self._uses = [variable.name in used for variable in system.variables]
+        self._safe: set[State] = set()
+
+    def may_slide(self, system: System, states: Iterable[State]) -> bool:
+        """Whether its transitions may lead from one of the states to breaking one of its invariants."""
+        alike = {tuple(compress(state, self._uses)): state for state in states}
+        fresh = [state for values, state in alike.items() if values not in self._safe]
+        if fresh and slide(system, self._with_the_rest_alike(fresh), self.invariants, among=self.transitions) is not None:
+            return True
+        if len(self._safe) > REMEMBERED:
+            self._safe.clear()
+        self._safe.update(alike)
+        return False
+
+    def _with_the_rest_alike(self, states: list[State]) -> Iterable[State]:
+        """The states as far as they matter to the part; all else is as in the first."""
+        for state in states:
+            yield tuple([value if used else other for value, other, used in zip(state, states[0], self._uses, strict=True)])
 
 
-def _alike(system: System, states: list[State], part: _Part) -> Iterable[State]:
-    """The states as far as they matter to a part; all else is as in the first."""
-    kept = [variable.name in part.used for variable in system.variables]
-    for state in states:
-        yield tuple([value if keep else other for value, other, keep in zip(state, states[0], kept, strict=True)])
+def _parts(system: System, invariants: Sequence[Expr]) -> Sequence[_Part]:
+    """The parts, known again by identity; those that are the same in systems with the same base are one."""
+    asked = once(system, "parts that slide", system, _none_asked)
+    if (key := _ids(invariants)) not in asked:
+        of_base = once(system, "part that slides", system.variables, _none_made)
+        found = []
+        for used, transitions, held in _apart(system, invariants):
+            own = _ids(transitions), _ids(held)
+            if own not in of_base:
+                of_base[own] = _Part(system, used, transitions, held)
+            found.append(of_base[own])
+        asked[key] = tuple(invariants), found
+    return asked[key][1]
 
 
-def _parts(system: System, invariants: Sequence[Expr]) -> Iterable[_Part]:
+Ids = tuple[int, ...]
+
+
+def _none_asked(system: System, of: System) -> dict[Ids, tuple[tuple[Expr, ...], list[_Part]]]:
+    """By invariants: these, and their parts."""
+    return {}
+
+
+def _none_made(system: System, of: object) -> dict[tuple[Ids, Ids], _Part]:
+    """By transitions and invariants."""
+    return {}
+
+
+def _ids(things: Iterable[object]) -> Ids:
+    return tuple(map(id, things))
+
+
+def _apart(
+    system: System, invariants: Sequence[Expr]
+) -> Iterator[tuple[frozenset[str], tuple[Transition, ...], tuple[Expr, ...]]]:
+    """For each part the variables that it uses, its transitions and its invariants."""
     moves = [transition for transition in system.transitions if transition.kind.uncontrollable and transition.actions]
     written = frozenset().union(*(transition.assigned for transition in moves))
     uses = {id(each): each.used for each in moves}
@@ -74,4 +118,4 @@ def _parts(system: System, invariants: Sequence[Expr]) -> Iterable[_Part]:
     for transitions, held in together.values():
         if held:
             used = frozenset().union(*(uses[id(each)] for each in (*transitions, *held)))
-            yield _Part(used, tuple(transitions), tuple(held))
+            yield used, tuple(transitions), tuple(held)

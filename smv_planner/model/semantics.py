@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from itertools import product
+from operator import itemgetter
 from typing import TypeVar, cast
 
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
@@ -36,11 +37,15 @@ from smv_planner.model.expressions import (
     equality,
     meaning,
     negation,
+    variables_of,
 )
 from smv_planner.model.system import Any, Assignment, State, System, Transition
 
 REMEMBERED = 20_000
 """How many things a system and those made from it may remember before they start afresh."""
+
+JUDGED = 1000
+"""For how many states what holds there is remembered, of a predicate or of what comes by itself, before it starts afresh."""
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -85,9 +90,17 @@ class Steps:
         self._automatic = [(t, _compiled(system, t)) for t in transitions if t.kind.automatic]
         self._others = [(t, _compiled(system, t)) for t in transitions if not t.kind.automatic]
         self._outcomes = {t.name: outcomes for t, outcomes in self._others}
+        self._due: dict[State, Step | None] = {}
 
     def automatic(self, state: State) -> Step | None:
         """The automatic step that comes next, or None in a settled state."""
+        if state not in self._due:
+            if len(self._due) >= JUDGED:
+                self._due.clear()
+            self._due[state] = self._first(state)
+        return self._due[state]
+
+    def _first(self, state: State) -> Step | None:
         for transition, outcomes in self._automatic:
             for after in outcomes(state):
                 return transition, after
@@ -185,8 +198,26 @@ def _compiled(system: System, transition: Transition) -> Callable[[State], tuple
 
 
 def judge(system: System, predicate: Expr) -> Callable[[State], Value]:
-    """`meaning`, made once: for predicates that are asked again, as those of invariants are."""
-    return once(system, "judge", predicate, lambda system, predicate: meaning(predicate, system.index))
+    """`meaning`, made once and found once for what is read: for predicates that are asked again, as those of invariants are."""
+    return once(system, "judge", predicate, _judge)
+
+
+def _judge(system: System, predicate: Expr) -> Callable[[State], Value]:
+    worth = meaning(predicate, system.index)
+    read = sorted(system.index[name] for name in variables_of(predicate))
+    if len(read) < 2:
+        return worth
+    part, known = itemgetter(*read), dict[object, Value]()
+
+    def judged(state: State) -> Value:
+        values = part(state)
+        if values not in known:
+            if len(known) >= JUDGED:
+                known.clear()
+            known[values] = worth(state)
+        return known[values]
+
+    return judged
 
 
 def once(system: System, what: str, of: T, make: Callable[[System, T], R]) -> R:

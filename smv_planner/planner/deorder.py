@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from smv_planner.check.order import Order, blocks, certified
 from smv_planner.lazy import dataclass
-from smv_planner.model.expressions import variables_of
+from smv_planner.model.expressions import Expr, variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, atoms
-from smv_planner.model.semantics import judge
-from smv_planner.model.system import Invariant, State
+from smv_planner.model.semantics import judge, once
+from smv_planner.model.system import Invariant, State, System, Transition
 from smv_planner.problem import Problem, Reached
 
 
@@ -20,10 +20,10 @@ def proposals(problem: Problem, trace: Reached) -> Iterator[Order]:
     """Partial orders to try, loosest first. Two steps stay in order if one writes what the other uses, or both write
     into one formula; if that is not enough, also if both write into one automatic guard, or into one of the invariants that
     the looser orders violate."""
-    footprints = [Footprint(t.assigned, t.used) for t in (problem.system.transition[name] for name in trace.path)]
-    formulas = _formulas(problem)
-    invariants = [variables_of(invariant.predicate) for invariant in problem.allowed]
-    automatic = [variables_of(t.guard) for t in problem.usable if t.kind.automatic]
+    system = problem.system
+    footprints = [once(system, "footprint", system.transition[name], _footprint) for name in trace.path]
+    formulas, invariants = _formulas(problem), _read_by_invariants(problem)
+    automatic = [once(system, "reads", t.guard, _reads) for t in problem.usable if t.kind.automatic]
     tried: list[Order] = []
 
     def untried(watched: Sequence[frozenset[str]]) -> Iterator[Order]:
@@ -53,10 +53,9 @@ def _holds(problem: Problem, invariant: Invariant, states: Iterable[State]) -> b
 
 def disjoint(problem: Problem, trace: Reached, variables: Mapping[str, frozenset[str]]) -> Iterator[Order]:
     """The partial order of operations: two are independent if they have no variable in common (section 4.2)."""
-    invariants = [variables_of(invariant.predicate) for invariant in problem.allowed]
     steps = [problem.system.transition[name] for name in trace.path]
     footprints = [Footprint(variables[t.name] | t.assigned, variables[t.name] | t.used) for t in steps]
-    yield _order(problem, trace, footprints, _formulas(problem) + invariants)
+    yield _order(problem, trace, footprints, _formulas(problem) + _read_by_invariants(problem))
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +64,18 @@ class Footprint:
 
     writes: frozenset[str]
     uses: frozenset[str]
+
+
+def _footprint(system: System, transition: Transition) -> Footprint:
+    return Footprint(transition.assigned, transition.used)
+
+
+def _reads(system: System, expr: Expr) -> frozenset[str]:
+    return variables_of(expr)
+
+
+def _read_by_invariants(problem: Problem) -> list[frozenset[str]]:
+    return [once(problem.system, "reads", invariant.predicate, _reads) for invariant in problem.allowed]
 
 
 def _formulas(problem: Problem) -> list[frozenset[str]]:

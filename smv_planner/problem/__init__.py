@@ -13,7 +13,7 @@ from smv_planner.lazy import dataclass, field
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, conjunction
 from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Formula, Until, all_of
-from smv_planner.model.semantics import settled
+from smv_planner.model.semantics import Steps, settled
 from smv_planner.model.system import Invariant, State, System, Transition
 
 
@@ -43,6 +43,11 @@ class Problem:
     @cached_property
     def usable(self) -> tuple[Transition, ...]:
         return tuple(t for t in self.system.transitions if t.name not in self.unusable)
+
+    @cached_property
+    def steps(self) -> Steps:
+        """What may follow on a state."""
+        return Steps(self.system, self.usable)
 
     @cached_property
     def settled(self) -> Expr:

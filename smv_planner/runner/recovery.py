@@ -28,7 +28,7 @@ from smv_planner.model.ltl import (
     progressed,
 )
 from smv_planner.model.model import Intention, Model
-from smv_planner.model.semantics import Steps, fire
+from smv_planner.model.semantics import fire
 from smv_planner.model.system import Assignment, Kind, State, System, Transition, Variable, VariableKind
 from smv_planner.planner.culprits import goals_to_blame
 from smv_planner.planner.decide import NoPlan, Solve, decide
@@ -401,7 +401,7 @@ class _Recovery:
 
 def _replayed(problem: Problem, following: Following) -> Reached | None:
     """The steps that remain, from the problem's initial state, with the automatic ones that follow them; None if stuck."""
-    plan, steps = following.plan, Steps(problem.system, problem.usable)
+    plan, steps = following.plan, problem.steps
     old = plan.problem.system
     path: list[str] = []
     states = [problem.initial]

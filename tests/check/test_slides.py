@@ -26,6 +26,24 @@ def test_a_slide_found_in_a_part_is_a_slide_of_the_whole() -> None:
     assert min(found.values()) > 10
 
 
+def test_what_was_found_before_changes_no_answer() -> None:
+    """What the kernel remembers of a system is that of the states that were asked about, one by one and together."""
+    slides = 0
+    for seed in range(150):
+        random, problem = Random(seed), question(seed)
+        held = [invariant.predicate for invariant in problem.system.invariants]
+        for _ in range(8):
+            values: list[Value] = [random.choice(variable.domain.values) for variable in problem.system.variables]
+            state, some = tuple(values), random.sample(held, random.randint(0, len(held)))
+            whole = slide(problem.system, [state], some) is not None
+            assert may_slide(problem.system, [problem.initial, state], some) is (
+                whole or slide(problem.system, [problem.initial], some) is not None
+            ), f"question {seed}"
+            assert may_slide(problem.system, [state], some) is whole, f"question {seed}"
+            slides += whole
+    assert slides > 50
+
+
 def test_independent_counters_are_not_counted_together() -> None:
     """Six counters to 9 have a million states together."""
     names = [f"c{at}" for at in range(6)]
