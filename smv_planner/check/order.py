@@ -60,6 +60,8 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
         return None
     block_of = {at: number for number, group in enumerate(groups) for at in group}
     needs = [sum({1 << block_of[at] for at in _bits(wait)}) for wait in waits]
+    if _too_many(needs):
+        return None
 
     steps = problem.steps
     monitor = Monitor(problem.formula, problem.system.index)
@@ -90,6 +92,22 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
             if not ways or len(seen) > BUDGET:
                 return None
     return visited
+
+
+def _too_many(needs: Sequence[int]) -> bool:
+    """Whether an order has more ideals than are looked at. To count them takes far less time than to fire their blocks."""
+    if 1 << len(needs) <= BUDGET:
+        return False
+    seen, waiting = {0}, [0]
+    while waiting and len(seen) <= BUDGET:
+        done = waiting.pop()
+        for number, needed in enumerate(needs):
+            if not (done >> number & 1 or needed & ~done):
+                following = done | 1 << number
+                if following not in seen:
+                    seen.add(following)
+                    waiting.append(following)
+    return len(seen) > BUDGET
 
 
 def _fire(problem: Problem, steps: Steps, trace: Reached, group: range, state: State) -> list[State] | None:

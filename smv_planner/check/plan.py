@@ -6,9 +6,9 @@ from collections.abc import Iterable
 
 from smv_planner.check.order import Order, certified, is_order, reduced, total_order
 from smv_planner.check.slides import may_slide
+from smv_planner.check.where import Where
 from smv_planner.lazy import dataclass
-from smv_planner.model.ltl import holds
-from smv_planner.model.semantics import judge
+from smv_planner.model.ltl import truths
 from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
@@ -69,9 +69,9 @@ def _broken_replay(problem: Problem, trace: Reached) -> str | None:
 def _forbidden(problem: Problem, states: Iterable[State]) -> str | None:
     """A state that an invariant forbids, or from which the system may slide into one."""
     visited = list(states)
+    where = Where(problem.system, visited)
     for invariant in problem.allowed:
-        allows = judge(problem.system, invariant.predicate)
-        if not all(allows(state) for state in visited):
+        if not where.everywhere(invariant.predicate):
             return f"a state violates the invariant '{invariant.name}'"
     names = {invariant.name for invariant in problem.allowed}
     held = [i.predicate for i in problem.system.invariants if i.name in names]
@@ -84,6 +84,6 @@ def _forbidden(problem: Problem, states: Iterable[State]) -> str | None:
 
 def _unmet(problem: Problem, trace: Reached) -> str | None:
     """The goals and formulas, judged on the whole run (the last state repeats for ever)."""
-    if holds(problem.formula, trace.states, problem.system.index):
+    if truths(problem.formula, Where(problem.system, trace.states))[0]:
         return None
     return "the run does not satisfy the goals"

@@ -166,23 +166,28 @@ def holds(formula: Formula, states: Sequence[State], index: Mapping[str, int]) -
 
     Worked out backwards, one truth value per subformula and position: the definition, not a search.
     """
-    return _truth(formula, states, index)[0]
+
+    def where(predicate: Expr) -> list[bool]:
+        judge = meaning(predicate, index)
+        return [bool(judge(state)) for state in states]
+
+    return truths(formula, where)[0]
 
 
-def _truth(formula: Formula, states: Sequence[State], index: Mapping[str, int]) -> list[bool]:
+def truths(formula: Formula, where: Callable[[Expr], list[bool]]) -> list[bool]:
+    """Whether a formula holds from each state of a run on; `where` says it of predicates."""
     match formula:
         case Atom(predicate):
-            judge = meaning(predicate, index)
-            return [bool(judge(state)) for state in states]
+            return where(predicate)
         case Next(part):
-            later = _truth(part, states, index)
+            later = truths(part, where)
             return [*later[1:], later[-1]]
         case Both(left, right):
-            return [a and b for a, b in zip(_truth(left, states, index), _truth(right, states, index), strict=True)]
+            return [a and b for a, b in zip(truths(left, where), truths(right, where), strict=True)]
         case Either(left, right):
-            return [a or b for a, b in zip(_truth(left, states, index), _truth(right, states, index), strict=True)]
+            return [a or b for a, b in zip(truths(left, where), truths(right, where), strict=True)]
         case Until(left, right) | Release(left, right):
-            first, second = _truth(left, states, index), _truth(right, states, index)
+            first, second = truths(left, where), truths(right, where)
             now = second[-1]  # in the last state, repeated for ever, both operators come down to their right side
             result = []
             for a, b in zip(reversed(first), reversed(second), strict=True):
