@@ -1,4 +1,4 @@
-"""Predicates on states as propositional clauses, for python-sat.
+"""Predicates on states as propositional clauses, for a SAT solver.
 
 `Clauses` is a solver with gates, `Coding` an expression's literals over one table of variables: several codings, one for
 each point in time, may share the clauses. `Predicates` asks about states, with one coding.
@@ -11,12 +11,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from pysat.solvers import Solver
-
+from smv_planner.engines.glucose import Glucose
 from smv_planner.model.domains import Domain, Value
 from smv_planner.model.expressions import And, Const, Equal, Expr, If, Less, Minus, Named, Not, Or, Plus, Var, variables_of
-
-SOLVER = "glucose4"
 
 CLAUSES = 1_000_000
 """How many clauses may be kept before they are coded anew."""
@@ -39,16 +36,16 @@ class Predicates:
 
     def satisfiable(self, *predicates: Expr) -> bool:
         """Whether some state satisfies all the predicates."""
-        if self._clauses.solver.nof_clauses() > CLAUSES:
+        if self._clauses.solver.clauses() > CLAUSES:
             self.close()
             self._begin()
-        return bool(self._clauses.solver.solve(assumptions=[self._coding.literal(predicate) for predicate in predicates]))
+        return bool(self._clauses.solver.solve([self._coding.literal(predicate) for predicate in predicates]))
 
     def example(self, *predicates: Expr) -> dict[str, Value] | None:
         """What the variables that predicates read are worth in some state that satisfies all; None if there is none."""
         if not self.satisfiable(*predicates):
             return None
-        true = frozenset(self._clauses.solver.get_model())
+        true = frozenset(self._clauses.solver.model())
         found = {}
         for name in sorted(frozenset().union(*map(variables_of, predicates))):
             literals = self._variable(name)
@@ -158,7 +155,7 @@ class Clauses:
     """A solver, and literals that say what others say together. Keeps what it has learnt."""
 
     def __init__(self) -> None:
-        self.solver = Solver(name=SOLVER)
+        self.solver = Glucose()
         self._last = 0
         self.true = self.new()
         self.solver.add_clause([self.true])
@@ -210,4 +207,4 @@ class Clauses:
             so_far = following
 
     def close(self) -> None:
-        self.solver.delete()
+        self.solver.close()

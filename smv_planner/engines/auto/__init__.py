@@ -379,7 +379,7 @@ def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, mean
                 depth = found
         except Over:
             return Late(depth) if depth <= problem.bound else not_within
-        in_memory = unrolled.clauses.solver.nof_clauses() * BYTES_PER_CLAUSE <= means.memory
+        in_memory = unrolled.clauses.solver.clauses() * BYTES_PER_CLAUSE <= means.memory
         if not means.on_time(f"no plan of fewer than {depth} steps") or not in_memory:
             return Late(depth, deadline=in_memory) if depth <= problem.bound else not_within
     return not_within

@@ -96,8 +96,7 @@ class Unrolled:
             self._settle_accounts()
             before = [-self.layers[depth - 1].idle] if depth else []
             assumptions = [*usable, *holding, *start, *in_order, root, *before, self.layers[depth].idle]
-            solver.conf_budget(CONFLICTS)
-            answer = solver.solve_limited(assumptions=assumptions)
+            answer = solver.solve_limited(assumptions, CONFLICTS)
             if answer:
                 yield self._decoded(depth)
                 return
@@ -183,7 +182,7 @@ class Unrolled:
         self._waiting = left
 
     def _decoded(self, depth: int) -> Reached:
-        true = frozenset(self.clauses.solver.get_model())
+        true = frozenset(self.clauses.solver.model())
         path = []
         for layer in self.layers[:depth]:
             chosen = next(at for at, literal in enumerate(layer.steps) if literal in true)

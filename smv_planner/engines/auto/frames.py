@@ -169,8 +169,7 @@ class Frames:
         solver = self._clauses.solver
         while True:
             look()
-            solver.conf_budget(CONFLICTS)
-            answer: bool | None = solver.solve_limited(assumptions=assumptions)
+            answer = solver.solve_limited(assumptions, CONFLICTS)
             if answer is not None:
                 return answer
 
@@ -206,7 +205,7 @@ class Frames:
             state, owed, action = self._model()
             self._clauses.add(-elsewhere)
             return self._lifting.step(state, owed, action, cube)
-        core = solver.get_core() or []
+        core = solver.core()
         self._clauses.add(-elsewhere)
         return frozenset(literals[literal] for literal in core if literal in literals)
 
@@ -240,7 +239,7 @@ class Frames:
         return (self._before if now else self._after).values[name][value]
 
     def _model(self) -> tuple[dict[str, Value], list[int], int | None]:
-        true = frozenset(self._clauses.solver.get_model())
+        true = frozenset(self._clauses.solver.model())
         state = {name: value_in(self._before.values[name], true) for name in self._names}
         action = next((at for at, literal in enumerate(self._before.steps) if literal in true), None)
         return state, [number for number, literal in self._owed.items() if literal in true], action
@@ -282,9 +281,9 @@ class _Lifting:
     def _needed(self, state: dict[str, Value], owed: list[int], reasons: Iterable[int]) -> Cube:
         facts = {self._layer.values[name][value]: (name, value) for name, value in state.items()}
         otherwise = self._clauses.any([-reason for reason in reasons])
-        holds = self._clauses.solver.solve(assumptions=[*facts, otherwise])
+        holds = self._clauses.solver.solve([*facts, otherwise])
         assert not holds, "a state has the facts that it was found with"
-        core = frozenset(self._clauses.solver.get_core() or [])
+        core = frozenset(self._clauses.solver.core())
         not_owed = (number for number in self._owable if number not in owed)
         return (*(fact for literal, fact in facts.items() if literal in core), *not_owed)
 

@@ -123,7 +123,7 @@ class Session:
         """The layers for the SAT solver; made when they are first needed, and anew when they have grown too much."""
         self._asked += 1
         if self._unrolled is not None:
-            too_many = not self._unrolled.whole or self._unrolled.clauses.solver.nof_clauses() > CLAUSES
+            too_many = not self._unrolled.whole or self._unrolled.clauses.solver.clauses() > CLAUSES
             if too_many or self._asked % QUESTIONS == 0:
                 self._unrolled.clauses.close()
                 self._unrolled = None
