@@ -17,7 +17,7 @@ def hear(turn: Turn, message: StateMessage) -> bool:
     """Take in a state message; False if it says nothing new."""
     now, name = turn.now, message.resource
     old = now.hubs.get(name)
-    if old is None:
+    if old is None or taking_over.is_deaf(turn):
         return False
     view, heard = hubs.hear(old, message, now.at)
     if not heard.believed:

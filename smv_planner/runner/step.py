@@ -23,9 +23,10 @@ SETTLING = 1000
 def step(station: Station, situation: Situation, event: Event) -> tuple[Situation, tuple[Output, ...]]:
     """The situation after an event, and what is to be done about it."""
     turn = Turn(station, situation.but(at=event.at))
-    if situation.phase in (Phase.JOINING, Phase.RUNNING) and event.at - situation.at > max(ASLEEP, 10 * station.model.period):
+    awake = situation.phase not in (Phase.STOPPED, Phase.FENCED_OUT)
+    if awake and event.at - situation.at > max(ASLEEP, 10 * station.model.period):
         turn.note("alarm", f"nothing has happened for {event.at - situation.at:.1f} s: joining anew")
-        taking_over.begin(turn, situation.planner)
+        taking_over.begin(turn, situation.planner, deaf=station.model.period)
     match event:
         case Began(_, planner):
             taking_over.begin(turn, planner)

@@ -17,15 +17,18 @@ OUTVOTED = 5.0
 """Seconds after which a planner that was fenced out, but whom all hubs obey all the same, takes that for a forgery."""
 
 
-def begin(turn: Turn, planner: str) -> None:
-    """Nothing of an earlier reign is taken for granted but what only the planner can know."""
-    at = turn.now.at
-    views = {name: hubs.HubView(heard_at=at) for name in turn.station.interfaces}
+def begin(turn: Turn, planner: str, deaf: float = 0.0) -> None:
+    """Nothing of an earlier reign is taken for granted but what only the planner can know.
+
+    For `deaf` seconds nothing is listened to: who has slept hears what has waited in sockets, and that is older than it looks.
+    """
+    at, listens = turn.now.at, turn.now.at + deaf
+    views = {name: hubs.HubView(heard_at=listens) for name in turn.station.interfaces}
     by_hand = [n for n in turn.now.lost if turn.station.resources[n].reenable.policy is Policy.MANUAL]
     turn.set(
         phase=Phase.LISTENING,
         planner=planner,
-        since=at,
+        since=listens,
         hubs=views,
         sequence={},
         published={},
@@ -73,6 +76,11 @@ def take_over(turn: Turn) -> None:
             turn.note("running", f"epoch {now.epoch}: {len(living)} of {len(now.hubs)} hubs obey", epoch=now.epoch)
             if now.executing:
                 turn.need(Cause.RESUMED)
+
+
+def is_deaf(turn: Turn) -> bool:
+    """Whether this planner has slept, and hears what is older than it looks."""
+    return turn.now.phase is Phase.LISTENING and turn.now.at < turn.now.since
 
 
 def superseded(turn: Turn, name: str) -> bool:

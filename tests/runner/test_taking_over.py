@@ -116,3 +116,20 @@ def _goal_of_another(rig, epoch):
     interface = rig.station.interfaces["left"]
     values = {"left.to": "home", "right.to": "home"}
     return GoalMessage(interface.cell, "left", epoch, 1, "other", interface.model, values)
+
+
+def test_what_has_waited_while_a_listening_planner_slept_is_not_believed() -> None:
+    """It would take over with what hubs obeyed long ago, and command it again (seed 1288 of the simulation)."""
+    first = Rig()
+    waiting = [Heard(20.0, hubs.report(hub, first.measured[name], 0.0)[1]) for name, hub in first.hubs.items()]
+    first.begin().wait(2.0)
+    assert first.value("left.to") == "out"  # commanded while the other sleeps
+    second = Rig(planner="q")
+    second.hubs, second.measured, second.at = first.hubs, first.measured, 20.0
+    for late in waiting:
+        second.do(late)
+    assert not second.sent("left")
+    second.wait(1.0)
+    assert second.now.phase is Phase.RUNNING
+    assert not second.now.lost
+    assert {goal.values["left.to"] for goal in second.sent("left")} == {"out"}

@@ -277,6 +277,13 @@ BUGS = (
         ),
     ),
     _one(
+        "what has waited while a planner slept is believed",
+        Seed(STATION, 1288, "true"),
+        "runner/step.py",
+        "deaf=station.model.period",
+        "deaf=0.0",
+    ),
+    _one(
         "automatic transitions wait while a plan is followed",
         Seed("nutrunner", 0, "I8"),
         "runner/advancing.py",
