@@ -126,7 +126,7 @@ class Campaign:
         world = self.world
         world.run(self.trouble)
         world.at = self.trouble  # the last that happened was a little before
-        world.run(2 * self.trouble, stop=lambda: self.done >= self.steps)  # where little goes on, it takes longer to see enough
+        world.run(2 * self.trouble, stop=lambda: self.enough)  # where little goes on, it takes longer to see enough
         self.calm()
         peaceful = world.at
         world.run(peaceful + self.peace, stop=self.finished)
@@ -139,6 +139,16 @@ class Campaign:
         """How many steps were commanded."""
         return self.observer.counts["controlled steps"]
 
+    @property
+    def faults(self) -> Counter[str]:
+        """What went wrong, at the station and on the network."""
+        of_network = {kind: self.world.counts[kind] for kind in ("lost", "twice", "late", "damaged", "cut off")}
+        return self.happened + Counter(of_network)
+
+    @property
+    def enough(self) -> bool:
+        return self.done >= self.steps and self.faults.total() >= FAULTS
+
     def report(self, peaceful: float | None) -> Report:
         world, edges = self.world, Counter[str]()
         for _, note in world.notes:
@@ -150,15 +160,11 @@ class Campaign:
                     edges[note.kind] += 1
                 case "measured":
                     edges[f"measured: {note.data['explained']}"] += 1
-        faults = Counter(self.happened)
-        faults.update(
-            {kind: world.counts[kind] for kind in ("lost", "twice", "late", "damaged", "cut off") if world.counts[kind]}
-        )
         return Report(
             self.seed,
             self.swarm,
             tuple(self.observer.violations),
-            faults,
+            self.faults,
             self.helped,
             self.done,
             self.steps,
