@@ -135,7 +135,7 @@ def asked(instance: Callable[[], Instance], run: int, reference: str | None, war
     problem = question.problem
     if not warm:  # an engine knows a system again by identity
         problem = replace(problem, system=replace(problem.system))
-    elif run == 0 and isinstance(auto.ask(problem, LIMITS), Undecided):
+    elif isinstance(auto.ask(problem, LIMITS), Undecided):  # other rows had the processor's caches since
         return "undecided", {"engine": 1000 * LIMITS.deadline}
     verdict, engine = timed(partial(auto.ask, problem, LIMITS))
     assert as_stated(question, verdict), f"{question.name}: {outcome(verdict)}, not {question.length}"
