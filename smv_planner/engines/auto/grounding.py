@@ -29,7 +29,7 @@ from smv_planner.model.expressions import (
     meaning,
     negation,
     parts_of,
-    substitute,
+    rewritten,
 )
 from smv_planner.model.semantics import may_fire
 from smv_planner.model.system import Any, Invariant, State, System, Transition
@@ -86,7 +86,7 @@ class Shared:
         self._substituted: dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]] = {}
         self.compiled: dict[int, tuple[Expr, Callable[[int], frozenset[Value]]]] = {}  # for relaxed reachability
         self.hit: dict[int, tuple[Expr, tuple[int, ...] | None]] = {}
-        self.held: dict[int, tuple[Expr, Callable[[int], bool]]] = {}
+        self.held: dict[tuple[int, bool], tuple[Expr, Callable[[int], bool]]] = {}
         self.judged = 0
         self._actions: dict[int, tuple[Transition, tuple[Action, ...]]] = {}
         self._clauses: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}
@@ -187,9 +187,14 @@ class Shared:
             if len(names) == 1 and isinstance(value, Const):
                 decided: Expr = Const(bool(meaning(part, {name: 0})((value.value,))))
             else:
-                decided = substitute(part, assigned)
+                decided = rewritten(part, lambda node: self._substitute(node, assigned))
             self._substituted[key] = part, decided
         return self._substituted[key][1]
+
+    def _substitute(self, node: Expr, assigned: Mapping[str, Expr]) -> Expr | None:
+        if isinstance(node, Var):
+            return assigned.get(node.name, node)
+        return node if self.reads(node).isdisjoint(assigned) else None
 
 
 class Truth(dict[int, bool]):

@@ -334,9 +334,7 @@ class Guide:
             self._cases[key] = Case(tuple(besides), tuple(self._distances(targets, names, support.taken)))
         return self._cases[key]
 
-    def _distances(
-        self, targets: Sequence[tuple[Expr, ...]], names: frozenset[str], taken: Sequence[int]
-    ) -> Iterator[Distances]:
+    def _distances(self, targets: Sequence[tuple[Expr, ...]], names: frozenset[str], taken: Sequence[int]) -> Iterator[Distances]:
         actions = [(at, self._of.actions[at]) for at in taken if not names.isdisjoint(self._of.actions[at].assigned)]
         for pattern in self._patterns(names, [action for _, action in actions], BITS + BITS_PER_GOAL * (len(targets) - 1)):
             within = [(at, action) for at, action in actions if not pattern.isdisjoint(action.assigned)]

@@ -112,7 +112,8 @@ class Abstraction:
         self._reads = of.reads
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
         self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
-        self._held: dict[int, tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
+        self._held: dict[tuple[int, bool], tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
+        self._parts: dict[tuple[int, bool], tuple[Expr, list[Sets] | None]] = {}
         self._asked_of: dict[int, tuple[Expr, Condition]] = {}
         self.assigned = tuple(action.assigned for action in of.actions)
         self._hits: dict[Sets, Hits] = {}  # by what has to be hit
@@ -121,6 +122,7 @@ class Abstraction:
             for action, keeps in zip(of.actions, of.keeps, strict=True)
         )
         self.allowed = self.condition(of.clauses)
+        self._parts.clear()
         self._hit_by = {bit: self._woken(bit) for bit in each_bit((1 << width) - 1)}
         self._last: tuple[State, int, Support] | None = None
 
@@ -131,7 +133,7 @@ class Abstraction:
             names = self._reads(part)
             hit = self._masks(part)
             if hit is None:
-                others.append(self._may_hold(part))
+                others.append(self._judged(part, True))
                 continue
             for mask in hit:
                 if len(names) == 1:
@@ -166,18 +168,25 @@ class Abstraction:
         return left
 
     def _to_hit(self, part: Expr, wanted: bool) -> list[Sets] | None:
-        names = self._reads(part)
-        if len(names) < 2:
-            return self._asked(part, wanted)
+        """What has to be hit for a part of a predicate to be as wanted. Predicates have many parts in common."""
+        key = id(part), wanted
+        if key not in self._parts:
+            self._parts[key] = part, self._asked(part, wanted) if len(self._reads(part)) < 2 else self._combined(part, wanted)
+        return self._parts[key][1]
+
+    def _combined(self, part: Expr, wanted: bool) -> list[Sets] | None:
         match part:
             case Named(_, inner):
                 return self._to_hit(inner, wanted)
             case Not(inner):
                 return self._to_hit(inner, not wanted)
             case And(parts) | Or(parts):
-                hits = [masks for each in parts if (masks := self._to_hit(each, wanted)) is not None]
-                if len(hits) < len(parts):
-                    return None
+                hits = []
+                for each in parts:
+                    masks = self._to_hit(each, wanted)
+                    if masks is None:
+                        return None
+                    hits.append(masks)
                 if isinstance(part, And) is wanted:
                     return [mask for masks in hits for mask in masks]
                 found: list[Sets] = [0]
@@ -204,13 +213,14 @@ class Abstraction:
             return [sum(bit for value, bit in self._bits[self.index[name]].items() if holds((value,)) is wanted)]
         return [] if holds(()) is wanted else [0]
 
-    def _may_hold(self, part: Expr) -> Callable[[Sets], bool]:
-        """Whether a predicate may hold that is no conjunction of masks."""
-        if id(part) not in self._held:
-            self._held[id(part)] = part, self._judged(part, True)
-        return self._held[id(part)][1]
-
     def _judged(self, part: Expr, wanted: bool) -> Callable[[Sets], bool]:
+        """Whether a predicate may be as wanted, where that is no conjunction of masks."""
+        key = id(part), wanted
+        if key not in self._held:
+            self._held[key] = part, self._judge(part, wanted)
+        return self._held[key][1]
+
+    def _judge(self, part: Expr, wanted: bool) -> Callable[[Sets], bool]:
         hit = self._to_hit(part, wanted)
         if hit is not None:
             masks = self._in_doubt(hit)
@@ -256,8 +266,8 @@ class Abstraction:
 
     def trim(self) -> None:
         """Forget what was compiled for earlier questions, if that has become much; what belongs to the actions stays."""
-        if len(self._compiled) + len(self._hit) + len(self._asked_of) > EXPRESSIONS:
-            for known in (self._compiled, self._hit, self._held, self._asked_of):
+        if len(self._compiled) + len(self._hit) + len(self._parts) + len(self._asked_of) > EXPRESSIONS:
+            for known in (self._compiled, self._hit, self._held, self._parts, self._asked_of):
                 known.clear()
 
     def support(self, start: State, usable: int) -> Support:
