@@ -78,11 +78,14 @@ class Coding:
         self._objects: dict[int, tuple[Expr, int]] = {}  # the same by identity: to compare large expressions takes time
 
     def literal(self, expr: Expr) -> int:
-        if id(expr) not in self._objects:
-            if expr not in self._coded:
-                self._coded[expr] = self._code(expr)
-            self._objects[id(expr)] = expr, self._coded[expr]
-        return self._objects[id(expr)][1]
+        known = self._objects.get(id(expr))
+        if known is not None:
+            return known[1]
+        literal = self._coded.get(expr)
+        if literal is None:
+            literal = self._coded[expr] = self._code(expr)
+        self._objects[id(expr)] = expr, literal
+        return literal
 
     def _code(self, expr: Expr) -> int:
         match expr:

@@ -7,6 +7,8 @@ them. Conjunctions and disjunctions have any number of parts, so that no text ne
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from operator import attrgetter, is_
+from typing import Any
 
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value, show_value
@@ -151,17 +153,20 @@ def _merged(parts: Iterable[Expr], kind: type[And] | type[Or], unit: Const) -> t
 
 def parts_of(expr: Expr) -> tuple[Expr, ...]:
     """The direct parts of a node."""
-    match expr:
-        case Const() | Var():
-            return ()
-        case Not(part) | Named(_, part):
-            return (part,)
-        case And(parts) | Or(parts):
-            return parts
-        case Equal(left, right) | Less(left, right) | Plus(left, right) | Minus(left, right):
-            return (left, right)
-        case If(condition, then, otherwise):
-            return (condition, then, otherwise)
+    return _PARTS[type(expr)](expr)
+
+
+_PARTS: Mapping[type, Callable[[Any], tuple[Expr, ...]]] = {
+    Const: lambda node: (),
+    Var: lambda node: (),
+    Not: lambda node: (node.part,),
+    Named: lambda node: (node.part,),
+    And: attrgetter("parts"),
+    Or: attrgetter("parts"),
+    **dict.fromkeys((Equal, Less, Plus, Minus), attrgetter("left", "right")),
+    If: attrgetter("condition", "then", "otherwise"),
+}
+"""A table, for this is asked of every node again and again."""
 
 
 def nodes(expr: Expr) -> Iterator[Expr]:
@@ -173,7 +178,7 @@ def nodes(expr: Expr) -> Iterator[Expr]:
         if id(node) not in seen:
             seen.add(id(node))
             yield node
-            waiting.extend(reversed(parts_of(node)))
+            waiting.extend(reversed(_PARTS[type(node)](node)))
 
 
 def variables_of(expr: Expr) -> frozenset[str]:
@@ -201,8 +206,8 @@ def rewritten(expr: Expr, replacement: Callable[[Expr], Expr | None]) -> Expr:
 
     def build(node: Expr) -> Expr:
         old = parts_of(node)
-        new = tuple(of(part) for part in old)
-        if all(a is b for a, b in zip(old, new, strict=True)):
+        new = tuple([of(part) for part in old])
+        if all(map(is_, old, new)):
             return node
         match node:
             case Not():
