@@ -69,6 +69,10 @@ class Condition:
                 return None
         return sets if self.others_may_hold(sets) else None
 
+    def to_hit(self) -> tuple[Sets, ...]:
+        """What has to be hit, of each mask as much as the condition leaves."""
+        return tuple(mask & self.narrow for mask in self.masks)
+
     def others_may_hold(self, sets: Sets) -> bool:
         sets &= self.narrow
         return all(may_hold(sets) for may_hold in self.others)
@@ -83,9 +87,10 @@ Hits = int
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What an action adds to the sets, if its condition may hold; for that the sets have to hit all of `asks`."""
+    """What an action adds to the sets, if its condition may hold; for that the sets have to hit all `masks`, in short `asks`."""
 
     condition: Condition
+    masks: tuple[Sets, ...]
     asks: Hits
     constant: Sets
     computed: tuple[tuple[int, Values], ...]
@@ -97,6 +102,7 @@ class Abstraction:
     def __init__(self, of: Ground) -> None:
         self.system: System = of.system
         self.index = of.system.index
+        self.names = tuple(variable.name for variable in of.system.variables)
         self._domains = tuple(variable.domain.values for variable in of.system.variables)
         self._low: list[int] = []
         self._field: list[Sets] = []
@@ -279,7 +285,7 @@ class Abstraction:
     def _support(self, start: State, usable: int) -> Support:
         begin = sets = sum([bits[value] for bits, value in zip(self._bits, start, strict=True)])
         missed = self._missed(begin)
-        taken, first = dict[int, None](), dict[Sets, int]()
+        taken, first = dict[int, None](), dict[Sets, tuple[int, int]]()
         waiting = woken = usable
         while woken:
             before, again = sets, 0
@@ -304,7 +310,7 @@ class Abstraction:
                 if fresh:
                     sets |= fresh
                     for bit in each_bit(fresh):
-                        first[bit] = at
+                        first[bit] = len(first), at
             woken = 0
             if sets != before:
                 woken = again
@@ -376,8 +382,9 @@ class Abstraction:
                 constant |= self._mask(at, [value.value])
             else:
                 computed.append((at, self._values(value)))
-        asks = union(self._hits.setdefault(mask & condition.narrow, 1 << len(self._hits)) for mask in condition.masks)
-        return Outcome(condition, asks, constant, tuple(computed))
+        masks = condition.to_hit()
+        asks = union(self._hits.setdefault(mask, 1 << len(self._hits)) for mask in masks)
+        return Outcome(condition, masks, asks, constant, tuple(computed))
 
     def _mask(self, at: int, values: Iterable[Value]) -> Sets:
         """The values that lie in a variable's domain."""
@@ -446,23 +453,26 @@ class Abstraction:
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """The values that there are when nothing is lost, which actions are taken, and by which each value comes about first."""
+    """The values that there are when nothing is lost, which actions are taken, and by which each value comes about first.
+
+    `first` has for each value also how many came about before it.
+    """
 
     abstraction: Abstraction
     begin: Sets
     sets: Sets
     taken: tuple[int, ...]
-    first: Mapping[Sets, int]
+    first: Mapping[Sets, tuple[int, int]]
 
     def changed(self, condition: Condition, begin: Sets | None = None) -> frozenset[str] | None:
         """The variables that a plan that loses nothing changes until a condition holds; None if it cannot.
 
         It begins where the question does, or with the values of `begin`.
         """
-        names = [variable.name for variable in self.abstraction.system.variables]
+        names, actions = self.abstraction.names, self.abstraction.actions
         known = self.begin if begin is None else begin
         changed: set[str] = set()
-        waiting = self._asked(condition)
+        waiting = [*condition.to_hit()]
         while waiting:
             mask = waiting.pop()
             if mask & known:
@@ -473,7 +483,7 @@ class Support:
             known |= bit
             name = names[self.abstraction.variable(bit)]
             changed.add(name)
-            waiting += self._asked(self.abstraction.actions[at].condition)
+            waiting += actions[at].masks
             value = self.abstraction.assigned[at].get(name)
             if isinstance(value, Var):
                 waiting.append(self.abstraction.same(bit, value.name))
@@ -481,9 +491,10 @@ class Support:
 
     def _brought_about(self, mask: Sets) -> tuple[Sets, int]:
         """The first of some values to come about, and by which action; none if they never do."""
-        for bit, at in self.first.items():
-            if bit & mask:
-                return bit, at
+        reached = mask & self.sets & ~self.begin
+        if reached:
+            bit = min(each_bit(reached), key=self.first.__getitem__)
+            return bit, self.first[bit][1]
         for at in self.taken:
             again = self.abstraction.actions[at].constant & mask
             if again:
@@ -495,9 +506,6 @@ class Support:
         constant = self.abstraction.actions[action].constant
         assigned = self.abstraction.fields(self.abstraction.assigned[action])
         return condition.narrow & ~assigned | constant
-
-    def _asked(self, condition: Condition) -> list[Sets]:
-        return [mask & condition.narrow for mask in condition.masks]
 
 
 def each_bit(mask: int) -> Iterator[int]:

@@ -98,8 +98,9 @@ class Symmetries:
         return Fold(self._of.packing, groups) if groups else None
 
     def _same(self, predicates: Iterable[Expr], swap: Swap) -> bool:
+        concerned = [predicate for predicate in predicates if not swap.touched.isdisjoint(self._of.reads(predicate))]
         try:
-            return all(self._all(predicate, swap) == self._all(predicate, NO_SWAP) for predicate in predicates)
+            return all(self._all(predicate, swap) == self._all(predicate, NO_SWAP) for predicate in concerned)
         except Unclear:
             return False
 
