@@ -8,7 +8,7 @@ A proof by sets of values needs none of this: where the other variables may be w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from smv_planner.lazy import replace
 from smv_planner.model.expressions import FALSE, TRUE, Expr, conjunction, conjuncts, variables_of
@@ -31,7 +31,7 @@ def projected(problem: Problem, names: frozenset[str]) -> Problem | str:
         problem,
         system=System(tuple(v for v in system.variables if v.name in names), within, ()),
         initial=tuple(value for name, value in system.named(problem.initial).items() if name in names),
-        goals=tuple(goals_about(problem, names)),
+        goals=tuple(goals_about(problem.goals, names)),
         allowed=tuple(Invariant(i.name, _about(i.predicate, names)) for i in problem.allowed),
         unusable=frozenset(),
     )
@@ -46,9 +46,9 @@ def of_the_whole(system: System, names: frozenset[str], part: Relaxed) -> Relaxe
     return Relaxed(tuple(sets.get(v.name, v.domain.values) for v in system.variables))
 
 
-def goals_about(problem: Problem, names: frozenset[str]) -> Iterator[Goal]:
+def goals_about(goals: Iterable[Goal], names: frozenset[str]) -> Iterator[Goal]:
     """As much of the goals as reads only the variables named; those of which nothing is left are left out."""
-    for goal in problem.goals:
+    for goal in goals:
         about = _about(goal.predicate, names)
         within = all(variables_of(atom) <= names for atom in atoms(goal.until)) and not counts_steps(goal.until)
         if within and (about != TRUE or variables_of(goal.predicate) <= names):

@@ -85,7 +85,7 @@ def why_never(problem: Problem, proof: Proof) -> str:
         case Projected(variables, Relaxed() as inner):
             whole = of_the_whole(problem.system, variables, inner)
             assert whole, "the proof has been checked"
-            return _never(problem.system, goals_about(problem, variables), whole)
+            return _never(problem.system, goals_about(problem.goals, variables), whole)
         case Projected(_, inner):
             return why_never(problem, inner)
         case Exhausted(reached):

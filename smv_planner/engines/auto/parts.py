@@ -22,6 +22,8 @@ from smv_planner.problem import Goal, Problem, Reached
 Variables = int
 """A set of variables, one bit each in the system's order."""
 
+ANY: Variables = -1
+
 PARTS = 500
 """How many parts of one system are kept."""
 
@@ -34,13 +36,15 @@ class Part:
     system: System
     allowed: tuple[Invariant, ...]
 
-    def share(self, problem: Problem) -> Problem:
-        """The question as far as it is about these variables; in the kernel's words, for it will check the proof."""
-        goals = tuple(goals_about(problem, frozenset(self.system.index)))
+    def share(self, problem: Problem, goals: Iterable[Goal]) -> Problem:
+        """The question as far as it is about these variables; in the kernel's words, for it will check the proof.
+
+        Of the problem's goals those are enough that read some of these variables, or in some part none at all.
+        """
         return Problem(
             system=self.system,
             initial=tuple([problem.initial[at] for at in self.at]),
-            goals=goals,
+            goals=tuple(goals_about(goals, frozenset(self.system.index))),
             allowed=self.allowed,
             unusable=problem.unusable,
             bound=problem.bound,
@@ -91,8 +95,11 @@ class Parts:
         groups = [group for group in joined([*self._apart, *asked]) if group & concerned]
         if len(groups) < 2:
             return ()
-        parts = map(self._part, groups)
-        return tuple((part, part.share(problem)) for part in parts)
+        read = [(goal, self._read(goal)) for goal in problem.goals]
+        return tuple(
+            (part, part.share(problem, [goal for goal, names in read if names & (group | ~self._written)]))
+            for group, part in zip(groups, map(self._part, groups), strict=True)
+        )
 
     def needed(self, problem: Problem) -> tuple[Part, Problem] | None:
         """The part that matters to a question; None if that is the whole. What is left out need not move."""
@@ -106,7 +113,7 @@ class Parts:
         if found == self._written:
             return None
         part = self._part(found)
-        return part, part.share(problem)
+        return part, part.share(problem, problem.goals)
 
     def _waking(self, problem: Problem) -> list[Variables]:
         """What the automatic transitions that are enabled at the start write."""
@@ -117,6 +124,12 @@ class Parts:
     def _asked(self, goal: Goal) -> Variables:
         read = (self._of.reads(predicate) for predicate in (goal.predicate, *atoms(goal.until)))
         return self._mask(name for names in read for name in names) & self._written
+
+    def _read(self, goal: Goal) -> Variables:
+        """What a goal's predicate reads; any variable if some part of it reads none."""
+        if all(self._of.reads(part) for part in conjuncts(goal.predicate)):
+            return self._mask(self._of.reads(goal.predicate)) or ANY
+        return ANY
 
     def _need(self, some: Variables, others: Variables) -> None:
         for at in places(some):
