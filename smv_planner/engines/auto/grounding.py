@@ -243,7 +243,19 @@ class Ground:
 
     def usable(self, unusable: frozenset[str]) -> int:
         """The usable actions, one bit each."""
-        return sum(1 << at for at, action in enumerate(self.actions) if action.transition.name not in unusable)
+        return (1 << len(self.actions)) - 1 & ~union(self._of[name] for name in self._named & unusable)
+
+    @cached_property
+    def _of(self) -> dict[str, int]:
+        """By the name of a transition its actions, one bit each."""
+        of: dict[str, int] = {}
+        for at, action in enumerate(self.actions):
+            of[action.transition.name] = of.get(action.transition.name, 0) | 1 << at
+        return of
+
+    @cached_property
+    def _named(self) -> frozenset[str]:
+        return frozenset(self._of)
 
     @cached_property
     def automatic(self) -> int:
@@ -308,7 +320,7 @@ class Packing:
         self.reader = {v.name: value for v, value in zip(system.variables, self._values, strict=True)}
 
     def pack(self, state: State) -> int:
-        return sum(codes[value] for codes, value in zip(self._coded, state, strict=True))
+        return sum([codes[value] for codes, value in zip(self._coded, state, strict=True)])
 
     def unpack(self, node: int) -> State:
         return tuple([values[node >> shift & mask] for shift, mask, values in self._values])

@@ -16,7 +16,7 @@ from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of
 from smv_planner.model.ltl import Atom, Formula, Monitor, Until, all_of, atoms, over_atoms
 from smv_planner.model.system import State
-from smv_planner.problem import Exhausted, Problem, Reached
+from smv_planner.problem import Exhausted, Goal, Problem, Reached
 
 if TYPE_CHECKING:
     from smv_planner.engines.auto.symmetry import Fold
@@ -29,6 +29,12 @@ Estimate = Callable[[int, int], int]
 
 FAR = 1 << 30
 """More steps than any plan has."""
+
+WATCHES = 50
+"""For how many goals is kept how they are followed."""
+
+WATCHED = 20_000
+"""How many entries that may have from earlier questions."""
 
 MEMO = 500_000
 """How many entries the memos of a warm session may hold before they start afresh."""
@@ -89,10 +95,20 @@ class Tables:
         self.moves = tuple(self._move(at) for at in range(self._count))
         self._ways: dict[int, dict[int, Way]] = {}
         self._known: dict[tuple[int, bool, bool], Way] = {}
+        self._watches: dict[tuple[Goal, ...], Watch] = {}
 
     def ways(self, usable: int) -> dict[int, Way]:
         """A memo for one set of usable actions: from the masks that the views leave to what can be done."""
         return self._ways.setdefault(usable, {})
+
+    def watch(self, goals: tuple[Goal, ...]) -> Watch:
+        """What follows goals; the same for every question that has them."""
+        found = self._watches.get(goals)
+        if found is None or found.entries() > WATCHED:
+            if len(self._watches) == WATCHES:
+                self._watches.clear()
+            found = self._watches[goals] = Watch(self.ground, goals)
+        return found
 
     def allows(self, node: int) -> bool:
         """Whether a packed state is an allowed one."""
@@ -201,11 +217,11 @@ class Ended:
 
 
 class Watch:
-    """Follows a problem's formula on packed nodes: which propositions hold, and what is then left to ask for."""
+    """Follows the formula of goals on packed nodes: which propositions hold, and what is then left to ask for."""
 
-    def __init__(self, of: Ground, problem: Problem) -> None:
+    def __init__(self, of: Ground, goals: tuple[Goal, ...]) -> None:
         predicates: dict[Expr, str] = {}
-        for goal in problem.goals:
+        for goal in goals:
             for predicate in (goal.predicate, *atoms(goal.until)):
                 predicates.setdefault(predicate, f"{len(predicates)}")
         names = [*predicates.values(), SETTLED]
@@ -213,7 +229,7 @@ class Watch:
         proposition: Callable[[Expr], Expr] = lambda predicate: Var(predicates[predicate])  # noqa: E731
         formula: Formula = all_of(
             Until(over_atoms(goal.until, proposition), Atom(conjunction([proposition(goal.predicate), Var(SETTLED)])))
-            for goal in problem.goals
+            for goal in goals
         )
         self._monitor = Monitor(formula, index)
         self._names = names
@@ -223,6 +239,10 @@ class Watch:
         self.views: tuple[View, ...] = views(of.shared, needs, self.full, partial(Truth, of.shared))
         self.obligations: list[int] = [self._monitor.start]
         self._numbers = {self._monitor.start: 0}
+        self.duties: dict[tuple[int, bool, int], tuple[int, ...] | None] = {}
+
+    def entries(self) -> int:
+        return sum(view.entries() for view in self.views) + len(self.duties)
 
     def duty(self, seen: int, settled: bool, number: int) -> tuple[int, ...] | None:
         """What is left to ask for next, each way as bits of a node; None if idling here meets the formula."""
@@ -254,14 +274,13 @@ class Remaining(dict[int, int]):
 
 
 class Search:
-    """A question to be answered by looking at nodes; what is found out about its formula serves every pass over them."""
+    """A question to be answered by looking at nodes."""
 
     def __init__(self, tables: Tables, problem: Problem) -> None:
         self.tables = tables
         self.problem = problem
         self.usable = tables.ground.usable(problem.unusable)
-        self._watch = Watch(tables.ground, problem)
-        self._duties: dict[tuple[int, bool, int], tuple[int, ...] | None] = {}
+        self._watch = tables.watch(problem.goals)
 
     def remaining(self, estimate: Estimate) -> Remaining:
         return Remaining(estimate, self._watch, self.tables.packing.width)
@@ -278,7 +297,7 @@ class Search:
         steps there have to be instead. What is estimated may drop by one with each step, so a plan that is found is the one
         found without: the first to lead to any node that is not left out is not left out either.
         """
-        tables, watch, usable, duties = self.tables, self._watch, self.usable, self._duties
+        tables, watch, usable, duties = self.tables, self._watch, self.usable, self._watch.duties
         packing, width = tables.packing, tables.packing.width
         ways = tables.ways(usable)
         moving = [(view.part, view) for view in tables.views]
