@@ -13,7 +13,7 @@ from functools import cached_property
 from itertools import combinations
 
 from smv_planner.engines.auto.clock import look
-from smv_planner.engines.auto.grounding import Action, Ground, Packing
+from smv_planner.engines.auto.grounding import Action, Ground, Packing, union
 from smv_planner.engines.sat import Predicates
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
@@ -315,15 +315,15 @@ class Fold(dict[int, int]):
 
     def __init__(self, packing: Packing, groups: Iterable[tuple[Thing, ...]]) -> None:
         super().__init__()
-        self._packing = packing
         self.groups = list(groups)
+        self._orders = [Order.of(packing, group) for group in self.groups]
         self.alike = max(map(len, self.groups))
         self.part = packing.mask({name for group in self.groups for thing in group for name in _speaking(thing)})
 
     def __missing__(self, part: int) -> int:
         bits = part
-        for group in self.groups:
-            bits = self._sorted(group, bits)
+        for order in self._orders:
+            bits = order(bits)
         self[part] = bits
         return bits
 
@@ -331,22 +331,46 @@ class Fold(dict[int, int]):
         part = node & self.part
         return node ^ part | self[part]
 
-    def _sorted(self, group: tuple[Thing, ...], bits: int) -> int:
-        """The records of the things, what each is worth and who speaks of it, dealt out to the things in order."""
-        masks, codes = self._packing.masks, self._packing.codes
-        lowest = {thing.name: masks[thing.name] & -masks[thing.name] for thing in group}
-        records = sorted(
-            (
-                (bits & masks[thing.name]) // lowest[thing.name],
-                tuple(bits & masks[name] == codes[name][value] for name, value in thing.values),
-            )
-            for thing in group
-        )
-        for thing, (worth, spoken) in zip(group, records, strict=True):
-            bits = bits & ~masks[thing.name] | worth * lowest[thing.name]
-            for (name, value), speaks in zip(thing.values, spoken, strict=True):
-                if speaks:
-                    bits = bits & ~masks[name] | codes[name][value]
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """Deals the records of some things, what each is worth and who speaks of it, out to the things in order.
+
+    A record is a number: a bit for each variable that may speak of the thing, the last one lowest, and above them its worth.
+    """
+
+    things: tuple[tuple[int, int], ...]  # where each stands, and a mask of as many bits as it has
+    speakers: tuple[tuple[int, int, tuple[int, ...], Mapping[int, int]], ...]  # flag, mask, codes by thing and the reverse
+    masks: int
+
+    @classmethod
+    def of(cls, packing: Packing, group: tuple[Thing, ...]) -> Order:
+        masks, codes = [packing.masks[thing.name] for thing in group], packing.codes
+        lowest = [(mask & -mask).bit_length() - 1 for mask in masks]
+        speakers = []
+        for flag, said in enumerate(zip(*(reversed(thing.values) for thing in group), strict=True)):
+            name, _ = said[0]
+            speaks = tuple(codes[name][value] for _, value in said)
+            speakers.append((1 << flag, packing.masks[name], speaks, {code: at for at, code in enumerate(speaks)}))
+        things = tuple((low, mask >> low) for low, mask in zip(lowest, masks, strict=True))
+        return cls(things, tuple(speakers), union(masks))
+
+    def __call__(self, bits: int) -> int:
+        above = len(self.speakers)
+        records = [(bits >> low & mask) << above for low, mask in self.things]
+        for flag, mask, _, spoken_of in self.speakers:
+            at = spoken_of.get(bits & mask)
+            if at is not None:
+                records[at] |= flag
+        records.sort()
+        bits &= ~self.masks
+        flags = (1 << above) - 1
+        for at, ((low, _), record) in enumerate(zip(self.things, records, strict=True)):
+            bits |= record >> above << low
+            if record & flags:
+                for flag, mask, speaks, _ in self.speakers:
+                    if record & flag:
+                        bits = bits & ~mask | speaks[at]
         return bits
 
 
