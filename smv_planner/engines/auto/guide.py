@@ -75,7 +75,7 @@ class Distances(dict[int, int]):
         allowed = tuple(clause for clause in clauses if of.reads(clause) <= pattern)
         self._tables = Freely(Ground(of.system, (*within, *last), allowed, of.shared), len(last))
         self._together = range(1, 1 << len(last))
-        self._following: dict[int, list[int]] = {}
+        self._following: dict[int, tuple[int, ...]] = {}
         self._met: list[tuple[int, int]] = []
 
     def __missing__(self, key: int) -> int:
@@ -106,12 +106,12 @@ class Distances(dict[int, int]):
             found = [node & keep | put for keep, put in fixed]
             for keep, worth in computed:
                 found.append(node & keep | worth[node & worth.part])
-            following[node] = found
+            following[node] = tuple(found)  # unlike a list, soon nothing to the garbage collector
             if met:
                 self._met.append((node, met))
             waiting += found
         for node in waiting:
-            following.setdefault(node, [])
+            following.setdefault(node, ())
 
     def size(self) -> int:
         return len(self._following)
