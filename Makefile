@@ -38,10 +38,11 @@ test: lint ## lint, then the tests that take seconds
 test-long: lint ## lint, then all tests, also those that take minutes
 	$(PYTEST) -m "long or not long"
 
-bench: setup ## measure engines and checks on the questions that they are judged by
+bench: setup ## measure engines, checks, simulation and links by what they are judged by
 	$(BIN)/python -m tests.bench.bench
 	$(BIN)/python -m tests.bench.load
 	$(BIN)/python -m tests.bench.mirror
+	$(BIN)/python -m tests.bench.campaign
 
 lint: setup ## ruff, mypy and the import contracts; runs all three, fails if one does
 	@failed=; for check in "ruff check ." "mypy" "lint-imports"; do \

@@ -42,17 +42,19 @@ class Begun:
 class Device:
     """`measured` is the truth about its measured variables, `effects` are those that change them, expected or not.
 
-    `began` counts decisions, to draw anew for each. `seen` is the state that the last reaction left.
+    `watched` are the variables that the effects use, with their initial values, and `seen` what the last reaction left of
+    them. `began` counts decisions, to draw anew for each.
     """
 
     system: System
     resource: str
     effects: tuple[Transition, ...]
+    watched: Mapping[str, Value]
     behaviour: Behaviour
     measured: Mapping[str, Value]
     begun: tuple[Begun, ...] = ()
     began: int = 0
-    seen: State | None = None
+    seen: tuple[Value, ...] | None = None
 
     @property
     def due(self) -> float:
@@ -65,7 +67,9 @@ def emulated(system: System, resource: str, behaviour: Behaviour = WELL) -> Devi
     ours = (v for v in system.variables if v.resource == resource and v.kind is VariableKind.MEASURED)
     measured = {v.name: v.initial for v in ours}
     effects = tuple(t for t in system.transitions if t.kind is Kind.EFFECT and not t.assigned.isdisjoint(measured))
-    return behaving(Device(system, resource, effects, behaviour, measured), behaviour)
+    used = frozenset().union(*(effect.used for effect in effects))
+    watched = {v.name: v.initial for v in system.variables if v.name in used}
+    return behaving(Device(system, resource, effects, watched, behaviour, measured), behaviour)
 
 
 def behaving(device: Device, behaviour: Behaviour) -> Device:
@@ -91,7 +95,7 @@ def react(device: Device, world: Mapping[str, Value], at: float, draw: Draw) -> 
 
     `world` has the values of all variables as far as they are known; its own measured values a device knows better.
     """
-    if _state(device, world) == device.seen and at < device.due:
+    if _seen(device, world) == device.seen and at < device.due:
         return device
     for each in sorted((each for each in device.begun if each.due <= at), key=lambda each: each.due):
         possible = _possible(device, _state(device, world))
@@ -101,11 +105,10 @@ def react(device: Device, world: Mapping[str, Value], at: float, draw: Draw) -> 
                 device = replace(device, measured={**device.measured, **possible[each.happens]}, begun=rest)
             else:  # what was to happen instead cannot
                 device = replace(device, begun=(*rest, replace(each, happens=None, due=inf)))
-    state = _state(device, world)
-    possible = _possible(device, state)
+    possible = _possible(device, _state(device, world))
     standing = tuple(each for each in device.begun if _stands(each, possible))
     begun = {effect for each in standing for effect in each.effects}
-    device = replace(device, begun=standing, seen=state)
+    device = replace(device, begun=standing, seen=_seen(device, world))
     waiting = [effect for effect in device.effects if effect.name in possible and effect.name not in begun]
     while waiting:
         alternatives = [effect for effect in waiting if effect.assigned & waiting[0].assigned & device.measured.keys()]
@@ -198,3 +201,8 @@ def _possible(device: Device, state: State) -> dict[str, dict[str, Value]]:
 def _state(device: Device, world: Mapping[str, Value]) -> State:
     known = {**world, **device.measured}
     return tuple(map(known.get, device.system.index, device.system.initial))
+
+
+def _seen(device: Device, world: Mapping[str, Value]) -> tuple[Value, ...]:
+    own = device.measured
+    return tuple([own[name] if name in own else world.get(name, initial) for name, initial in device.watched.items()])

@@ -38,7 +38,7 @@ class Arrival:
 
 def arrivals(weather: Weather, payload: bytes, draw: Draw) -> tuple[Arrival, ...]:
     """Every copy of a message that arrives."""
-    if weather == CALM:
+    if weather is CALM:
         return (Arrival(TRAVEL, payload),)
     if draw.unit("loss") < weather.loss:
         return ()

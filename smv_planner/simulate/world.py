@@ -262,7 +262,7 @@ class World:
             return
         self._carried += 1
         copies = arrivals(self.weather, payload, self.draw.of("network", self._carried))
-        if self.weather != CALM:
+        if self.weather is not CALM:
             self.counts["lost"] += not copies
             self.counts["twice"] += len(copies) > 1
             self.counts["late"] += sum(copy.after > 0.05 for copy in copies)
