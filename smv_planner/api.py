@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from smv_planner import language
+from smv_planner.clock import Over, watched
 from smv_planner.errors import EngineError, Mistake, UsageError, did_you_mean
 from smv_planner.lazy import dataclass, field, replace
 from smv_planner.model.domains import Value
@@ -23,6 +24,7 @@ from smv_planner.model.semantics import Steps
 from smv_planner.model.system import System
 from smv_planner.planner import reach
 from smv_planner.planner.answer import Answer, Question, SecondOpinion
+from smv_planner.planner.decide import Solve
 from smv_planner.planner.widening import Widened, Widening
 from smv_planner.problem import Goal, NotWithin, Problem, Reached, Undecided, Unreachable, Verdict
 
@@ -109,18 +111,11 @@ def plan(
         initial=model.system.named(begin.state),
         verdict="undecided",
     )
-    if asked.goals:
-        answer = reach.reach(pose(model, asked, bound), blank, begin, solve, _briefly)
-    elif exit_forbidden:
-        answer = reach.leave_forbidden(model, begin, bound, blank, solve, _briefly)
-    else:
-        chosen = active_intentions(model, asked, begin)
-        blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
-        if not chosen:
-            blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
-        from smv_planner.planner import intend
-
-        answer = intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound, _briefly), blank)
+    try:
+        with watched(ask.in_time):
+            answer = _answered(model, begin, solve, blank)
+    except Over:
+        answer = replace(blank, reason="the deadline passed while the answer was being prepared", deadline=True)
     # What answers a question with goals is the first verdict; those after it only look for whom to blame.
     arguments = tuple(ask.arguments)[:1]
     if ask.several:
@@ -128,6 +123,21 @@ def plan(
     if second is not None:
         answer = replace(answer, second_opinion=second.opinion, warnings=answer.warnings + tuple(second.warnings))
     return replace(answer, arguments=arguments, engine_seconds=ask.seconds, total_seconds=time.monotonic() - began)
+
+
+def _answered(model: Model, begin: reach.Start, solve: Solve, blank: Answer) -> Answer:
+    asked, bound = blank.question, blank.bound
+    if asked.goals:
+        return reach.reach(pose(model, asked, bound), blank, begin, solve, _briefly)
+    if asked.exit_forbidden:
+        return reach.leave_forbidden(model, begin, bound, blank, solve, _briefly)
+    chosen = active_intentions(model, asked, begin)
+    blank = replace(blank, question=replace(asked, intentions=tuple(intention.name for intention in chosen)))
+    if not chosen:
+        blank = replace(blank, warnings=("no intention starts in the initial state; nothing is planned",))
+    from smv_planner.planner import intend
+
+    return intend.intend(model, chosen, intend.Levels(begin, solve, widened_system, bound, _briefly), blank)
 
 
 def pose(model: Model, asked: Question, bound: int = DEFAULT_BOUND) -> Problem:
@@ -225,6 +235,7 @@ class _Engine:
         _known([self.name], ENGINES, "engine")
         self._engine = ENGINES[self.name]
         self._limits = Limits
+        self._asking = False
         missing = self._engine.available()
         if missing:
             raise EngineError(missing)
@@ -233,15 +244,23 @@ class _Engine:
         if self.smv is not None:
             self._write(problem, self.smv)
         began = time.monotonic()
+        self._asking = True
         try:
             verdict = self._engine.ask(problem, self._limits(max(self.ends - began, 0.0), MEMORY, self.progress))
         finally:
+            self._asking = False
             self.asked += 1
             self.seconds += time.monotonic() - began
         match verdict:
             case Reached() | NotWithin() | Unreachable():
                 self.arguments[verdict.argument] = self.arguments.get(verdict.argument, 0) + 1
         return verdict
+
+    def in_time(self) -> bool:
+        """Whether there is time left; whoever looks while nothing is asked checks an answer, or looks for causes."""
+        if not self._asking:
+            self.progress("checking what was answered")
+        return time.monotonic() <= self.ends
 
     def _write(self, problem: Problem, path: Path) -> None:
         try:

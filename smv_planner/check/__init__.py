@@ -1,7 +1,8 @@
 """The trusted kernel: nothing is a plan before this package has accepted it.
 
 It replays what an engine reports against the model's meaning, not against any encoding, and depends on `model` and
-`problem` alone. Engines are never trusted (ARCHITECTURE.md, decision 1).
+`problem` alone. Engines are never trusted (ARCHITECTURE.md, decision 1). Whatever may take long looks at the clock, and leaves
+by `clock.Over` when the time is up: that is neither an acceptance nor a refusal.
 """
 
 from smv_planner.check.plan import CheckedPlan, Refused, check_plan

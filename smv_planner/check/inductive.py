@@ -13,6 +13,7 @@ from math import prod
 
 from pysat.solvers import Solver
 
+from smv_planner.clock import look
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Expr, If, Named, Not, Or, meaning, variables_of
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
@@ -21,6 +22,9 @@ from smv_planner.model.system import Any, System, Transition
 from smv_planner.problem import Clause, Inductive, Problem
 
 SOLVER = "minisat22"
+
+CONFLICTS = 2000
+"""How many conflicts there may be before the clock is looked at."""
 
 TABLE = 100_000
 """How many rows a table may have; beyond that a proof is refused rather than checked for ever."""
@@ -62,7 +66,7 @@ class _Check:
             self.add(-ends, -owed, self.idling(number))
             self.add(-goes_on, -owed, self.expanded(number))
         settled = self.now.literal(self.problem.settled)
-        if self.solver.solve(assumptions=[ends, settled]):
+        if self.solved([ends, settled]):
             return "the proof's clauses do not rule out that the goals are met"
         for predicate in allowed:
             self.add(-goes_on, self.later.literal(predicate))
@@ -74,6 +78,7 @@ class _Check:
         steps = {transition.name: self.new() for transition in self.problem.usable}
         before: list[int] = []
         for transition in self.problem.usable:
+            look()
             enabled = self.now.literal(ready(self.problem.system, transition))
             first = [-other for other in before] if transition.kind.automatic else [settled]
             for needed in (enabled, *first):
@@ -87,7 +92,7 @@ class _Check:
                 self.add(-literal, self.later.values[name][value], *writers)
         for transition in self.problem.usable:
             alone = [literal if name == transition.name else -literal for name, literal in steps.items()]
-            if self.solver.solve(assumptions=[goes_on, *alone]):
+            if self.solved([goes_on, *alone]):
                 return f"the proof's clauses do not hold after '{transition.name}'"
         return None
 
@@ -175,6 +180,14 @@ class _Check:
             self.add(-result, literal)
         self.add(result, *(-literal for literal in parts))
         return result
+
+    def solved(self, assumptions: list[int]) -> bool:
+        while True:
+            look()
+            self.solver.conf_budget(CONFLICTS)
+            answer: bool | None = self.solver.solve_limited(assumptions=assumptions)
+            if answer is not None:
+                return answer
 
     def new(self) -> int:
         self.last += 1

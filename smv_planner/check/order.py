@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from smv_planner.clock import look
 from smv_planner.model.ltl import Monitor, Obligations
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import State
@@ -70,6 +71,7 @@ def certified(problem: Problem, trace: Reached, order: Order) -> set[State] | No
     seen, waiting = {start}, [start]
     visited = {problem.initial}
     while waiting:
+        look()
         done, state, owed = waiting.pop()
         if done == everything:
             if state != trace.states[-1] or not any(monitor.met_by_idling(way, state) for way in owed):

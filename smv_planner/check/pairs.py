@@ -12,6 +12,7 @@ from itertools import product
 from math import prod
 
 from smv_planner.check.relaxed import choices, kept, parts
+from smv_planner.clock import look
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Expr, If, Or, conjuncts, meaning, negation, variables_of
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
@@ -66,6 +67,7 @@ class _Check:
         for transition in self.problem.usable:
             enabled = once(self.system, "enabled", transition, lambda system, it: list(conjuncts(ready(system, it))))
             for number, chosen in enumerate(choices(self.system, transition)):
+                look()
                 if self.leaves([*enabled, *kept(self.system, transition, number, chosen, allowed)], chosen):
                     return f"the proof leaves out what follows on '{transition.name}'"
         if self.may_hold(self.problem.formula, [part for part, _ in allowed]):

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from smv_planner.check.order import Order, certified, is_order, reduced, total_order
 from smv_planner.check.slides import may_slide
 from smv_planner.check.where import Where
+from smv_planner.clock import look
 from smv_planner.lazy import dataclass
 from smv_planner.model.ltl import truths
 from smv_planner.model.system import State
@@ -57,6 +58,7 @@ def _broken_replay(problem: Problem, trace: Reached) -> str | None:
     if trace.states[0] != problem.initial:
         return "the trace does not begin in the initial state"
     for at, name in enumerate(trace.path):
+        look()
         before, after = trace.states[at], trace.states[at + 1]
         possible = list(problem.steps.by(before, name))
         if after not in possible:

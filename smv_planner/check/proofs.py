@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from smv_planner.check.plan import Refused
 from smv_planner.check.projection import of_the_whole, projected
+from smv_planner.clock import look
 from smv_planner.model.expressions import conjunction, meaning
 from smv_planner.model.ltl import Monitor
 from smv_planner.model.semantics import judge
@@ -51,6 +52,7 @@ def _check_exhausted(problem: Problem, proof: Exhausted) -> Refused | None:
     if (problem.initial, monitor.start) not in proof.reached:
         return Refused("the proof leaves out the initial state")
     for state, owed in proof.reached:
+        look()
         if steps.settled(state) and monitor.met_by_idling(owed, state):
             return Refused("the proof's states include one that meets the goals")
         ways = monitor.after(owed, state)

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
+from smv_planner.clock import look
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -54,6 +55,7 @@ def broken(problem: Problem, proof: Relaxed) -> str | None:
         return "the proof leaves out the initial state"
     allowed = [part for i in problem.allowed for part in once(system, "parts", i.predicate, parts)]
     for transition in problem.usable:
+        look()
         for number, way in enumerate(once(system, "ways", transition, _ways)):
             if way.stays(sets, sets):
                 continue

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterable, Sequence
 from operator import itemgetter
 
 from smv_planner.check.relaxed import parts
+from smv_planner.clock import look
 from smv_planner.model.expressions import And, Expr
 from smv_planner.model.semantics import judge, once
 from smv_planner.model.system import State, System
@@ -51,6 +52,7 @@ class Where:
         return self._known[id(predicate)][1]
 
     def _one(self, part: Expr, see: Seen) -> int:
+        look()
         holds = judge(self._system, part)
         truth = {what: bool(holds(state)) for what, state in {see(state): state for state in self._states}.items()}
         if all(truth.values()):

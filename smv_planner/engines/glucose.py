@@ -22,13 +22,8 @@ class Glucose:
     def add_clause(self, literals: Iterable[int]) -> None:
         pysolvers.glucose41_add_cl(self._solver, literals)
 
-    def solve(self, assumptions: Sequence[int]) -> bool:
-        """Whether the clauses can be satisfied together with the assumptions."""
-        self._answer = bool(pysolvers.glucose41_solve(self._solver, assumptions, _in_main_thread()))
-        return self._answer
-
     def solve_limited(self, assumptions: Sequence[int], conflicts: int) -> bool | None:
-        """The same; None if so many conflicts did not tell."""
+        """Whether the clauses can be satisfied together with the assumptions; None if so many conflicts did not tell."""
         pysolvers.glucose41_cbudget(self._solver, conflicts)
         self._answer = pysolvers.glucose41_solve_lim(self._solver, assumptions, _in_main_thread(), False)
         return self._answer

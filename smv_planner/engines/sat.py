@@ -11,9 +11,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
+from smv_planner.clock import look
 from smv_planner.engines.glucose import Glucose
 from smv_planner.model.domains import Domain, Value
 from smv_planner.model.expressions import And, Const, Equal, Expr, If, Less, Minus, Named, Not, Or, Plus, Var, variables_of
+
+CONFLICTS = 2000
+"""How many conflicts the solver may have before others get their turn."""
 
 CLAUSES = 1_000_000
 """How many clauses may be kept before they are coded anew."""
@@ -39,7 +43,7 @@ class Predicates:
         if self._clauses.solver.clauses() > CLAUSES:
             self.close()
             self._begin()
-        return bool(self._clauses.solver.solve([self._coding.literal(predicate) for predicate in predicates]))
+        return self._clauses.solve([self._coding.literal(predicate) for predicate in predicates])
 
     def example(self, *predicates: Expr) -> dict[str, Value] | None:
         """What the variables that predicates read are worth in some state that satisfies all; None if there is none."""
@@ -162,6 +166,14 @@ class Clauses:
         self._last = 0
         self.true = self.new()
         self.solver.add_clause([self.true])
+
+    def solve(self, assumptions: list[int]) -> bool:
+        """Whether everything can hold with the assumptions; looks at the clock now and then."""
+        while True:
+            look()
+            answer = self.solver.solve_limited(assumptions, CONFLICTS)
+            if answer is not None:
+                return answer
 
     def new(self) -> int:
         self._last += 1

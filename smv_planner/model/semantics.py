@@ -17,6 +17,7 @@ from itertools import product
 from operator import itemgetter
 from typing import TypeVar, cast
 
+from smv_planner.clock import look
 from smv_planner.model.domains import Bool, Domain, Enum, Range, Value
 from smv_planner.model.expressions import (
     TRUE,
@@ -171,6 +172,7 @@ def slide(
     came_from: dict[State, Step | None] = dict.fromkeys(starts)
     waiting = deque(came_from)
     while waiting:
+        look()
         before = waiting.popleft()
         if not all(held(before) for held in holds):
             return _steps_to(before, came_from)

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.check.order import Order
 from smv_planner.check.projection import goals_about, of_the_whole
+from smv_planner.clock import Over
 from smv_planner.errors import EngineError
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Const, Equal, Var, show
@@ -59,6 +60,14 @@ def decide(problem: Problem, solve: Solve, orders: Orders = proposals) -> Checke
         reason = f"nothing keeps '{broken[0]}' from being violated in the state where it would start"
         return NoPlan(Unreachable(Exhausted(frozenset())), reason)
     verdict = solve(problem)
+    try:
+        return _checked(problem, verdict, orders)
+    except Over:
+        why = "the deadline passed while the engine's answer was being checked"
+        return NoPlan(Undecided(why, deadline=True), why)
+
+
+def _checked(problem: Problem, verdict: Verdict, orders: Orders) -> CheckedPlan | NoPlan:
     match verdict:
         case Reached():
             checked = check_plan(problem, verdict, orders(problem, verdict))

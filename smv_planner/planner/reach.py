@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from contextlib import suppress
 
 from smv_planner.check import CheckedPlan
+from smv_planner.clock import Over
 from smv_planner.lazy import dataclass, replace
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import conjunction
@@ -110,7 +112,8 @@ def reach(problem: Problem, blank: Answer, begin: Start, solve: Solve, explain: 
         texts = blank.question.goals or ("all invariants",)
         blank = replace(blank, culprits=named(found_out, texts))
         if explain and isinstance(result.verdict, Unreachable):
-            blank = replace(blank, conflict=conflict(_asked(problem, texts, begin), explain))
+            with suppress(Over):  # an answer without causes is an answer all the same
+                blank = replace(blank, conflict=conflict(_asked(problem, texts, begin), explain))
         return without_plan(blank, result)
     steps = plan_steps(result)
     return replace(

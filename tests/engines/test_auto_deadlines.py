@@ -13,8 +13,9 @@ from engines.questions import ask, is_, step
 from engines.test_auto import BY_CLAUSES, BY_SEARCH, LIMITS, questions_about_one_system, same, stands
 from generated import question
 
+from smv_planner import clock
 from smv_planner.engines import auto, clauses, explicit
-from smv_planner.engines.auto import Late, Means, clock
+from smv_planner.engines.auto import Late, Means
 from smv_planner.engines.auto import _search as searched
 from smv_planner.engines.auto.search import Paused, Search
 from smv_planner.engines.auto.session import session_of
@@ -112,6 +113,19 @@ def test_a_search_pauses_by_what_it_does_and_not_by_states() -> None:
     pauses = list(islice(Search(tables, problem).explore(chunk=10_000), 50))
     assert all(isinstance(pause, Paused) and pause.depth < 2 for pause in pauses)
     session_of.cache_clear()
+
+
+def test_what_needs_too_much_memory_to_search_is_left_to_clauses() -> None:
+    handed_on = 0
+    for seed in range(40):
+        problem = question(seed)
+        session_of.cache_clear()
+        warm = session_of(problem.system)
+        means = Means(states=1 << 30, memory=auto.BYTES_PER_NODE * 5, on_time=lambda text: True)
+        found = auto.by_states(problem, warm, *warm.variant(problem.allowed), means)
+        assert not isinstance(found, Late)
+        handed_on += isinstance(found, int) and found <= problem.bound
+    assert handed_on > 5
 
 
 def test_what_is_remembered_counts_as_memory() -> None:

@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING
 
-from smv_planner.engines.auto.clock import Over, watched
+from smv_planner.clock import Over, watched
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.engines.auto.parts import Part, merged
 from smv_planner.engines.auto.search import Ended, Paused, Search, Tables
@@ -262,6 +262,9 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         case Reached():
             return replace(found, argument=SEARCHED if fold is None else FOLDING)
         case Paused(depth):
+            return max(depth, least)
+        case Late(depth, deadline=False):  # SAT needs little memory
+            tables.trim(0)
             return max(depth, least)
     return found
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import pairwise
 
-from smv_planner.engines.auto.clock import Over, look
+from smv_planner.clock import Over, look
 from smv_planner.engines.auto.grounding import Action, Ground, alternatives
-from smv_planner.engines.sat import Clauses, Coding, Literals
+from smv_planner.engines.sat import CONFLICTS, Clauses, Coding, Literals
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, variables_of
 from smv_planner.model.ltl import ALWAYS_TRUE, Atom, Both, Either, Formula, Next, Release, Until, all_of, atoms, counts_steps
@@ -24,9 +24,6 @@ SETTLED = Var("")
 
 ORDERS = 2
 """For how many kinds of questions the order of steps that might as well be swapped is fixed."""
-
-CONFLICTS = 2000
-"""How many conflicts the solver may have before others get their turn."""
 
 
 class Layer:

@@ -12,8 +12,8 @@ from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
 from itertools import count
 
-from smv_planner.engines.auto.bounded import CONFLICTS, Layer, question, step, value_in
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
+from smv_planner.engines.auto.bounded import Layer, question, step, value_in
 from smv_planner.engines.auto.grounding import Ground, alternatives
 from smv_planner.engines.sat import Clauses, Coding
 from smv_planner.model.domains import Value
@@ -160,18 +160,10 @@ class Frames:
 
     def _goal(self, level: int) -> Cube | None:
         """Some states of a frame that meet the goals by idling."""
-        if not self._solve([*self._levels[level:], self._before.idle]):
+        if not self._clauses.solve([*self._levels[level:], self._before.idle]):
             return None
         state, owed, _ = self._model()
         return self._lifting.idling(state, owed)
-
-    def _solve(self, assumptions: list[int]) -> bool:
-        solver = self._clauses.solver
-        while True:
-            look()
-            answer = solver.solve_limited(assumptions, CONFLICTS)
-            if answer is not None:
-                return answer
 
     def _block(self, cube: Cube, top: int) -> Iterator[bool]:
         """Show that a cube is out of reach within `top` steps, one cube after the other; False if it is not."""
@@ -201,7 +193,7 @@ class Frames:
         self._clauses.add(-elsewhere, *(-self._literal(fact, now=True) for fact in cube))
         literals = {self._literal(fact, now=False): fact for fact in cube}
         assumptions = [elsewhere, *self._levels[level - 1 :], -self._before.idle, *literals]
-        if self._solve(assumptions):
+        if self._clauses.solve(assumptions):
             state, owed, action = self._model()
             self._clauses.add(-elsewhere)
             return self._lifting.step(state, owed, action, cube)
@@ -281,7 +273,7 @@ class _Lifting:
     def _needed(self, state: dict[str, Value], owed: list[int], reasons: Iterable[int]) -> Cube:
         facts = {self._layer.values[name][value]: (name, value) for name, value in state.items()}
         otherwise = self._clauses.any([-reason for reason in reasons])
-        holds = self._clauses.solver.solve([*facts, otherwise])
+        holds = self._clauses.solve([*facts, otherwise])
         assert not holds, "a state has the facts that it was found with"
         core = frozenset(self._clauses.solver.core())
         not_owed = (number for number in self._owable if number not in owed)

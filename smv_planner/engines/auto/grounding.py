@@ -12,7 +12,7 @@ from functools import cached_property, reduce
 from itertools import product
 from operator import or_
 
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (

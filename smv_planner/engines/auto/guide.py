@@ -14,8 +14,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, permutations, product
 from math import prod
 
+from smv_planner.clock import Over, look
 from smv_planner.engines.auto.bounded import question
-from smv_planner.engines.auto.clock import Over, look
 from smv_planner.engines.auto.frames import numbered
 from smv_planner.engines.auto.grounding import DEALT_OUT, Action, Ground, Truth, alternatives
 from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support

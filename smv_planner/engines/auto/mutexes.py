@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 from math import prod
 
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, alternatives
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value

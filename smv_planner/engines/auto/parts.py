@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 
 from smv_planner.check.projection import goals_about
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Ground, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, conjunction, conjuncts, meaning

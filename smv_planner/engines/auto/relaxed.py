@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Ground, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import Expr, Var, conjunction, conjuncts, meaning, variables_of

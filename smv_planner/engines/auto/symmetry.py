@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from itertools import combinations
 
-from smv_planner.engines.auto.clock import look
+from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Action, Ground, Packing, union
 from smv_planner.engines.sat import Predicates
 from smv_planner.lazy import dataclass
