@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
+from smv_planner.model.domains import Value
+from smv_planner.model.semantics import fire
 from smv_planner.model.system import Policy, VariableKind
 from smv_planner.protocol import view as hubs
 from smv_planner.runner import goals
@@ -11,6 +15,9 @@ from smv_planner.runner.turn import Turn
 
 LISTEN = 1.0
 """Seconds after which a hub that has said nothing yet counts as silent, if its resource has no `silent_after`."""
+
+PLACES = 1000
+"""Of a device that could be in more states than these nobody says that it may go back."""
 
 
 def watch(turn: Turn) -> None:
@@ -69,12 +76,35 @@ def lose(turn: Turn, name: str, why: str) -> None:
 
 
 def _take_back(turn: Turn, name: str) -> None:
-    """A command that a lost hub has not mirrored: it is asked to stay with what it mirrors, and it may obey either."""
+    """A command that a lost hub has not mirrored: it is asked to stay with what it mirrors, and it may obey either.
+
+    A silent one may have obeyed long since. Where its device could now be, going back may be forbidden; then the command stands.
+    """
     view = turn.now.hubs[name]
     if view.state is None or not view.commanded or dict(view.commanded) == dict(view.state.mirror):
         return
-    goals.command_by_hand(turn, view.state.mirror)
-    turn.set(doubts={**turn.now.doubts, name: view.commanded})
+    mirrored, doubted = view.state.mirror, view.commanded
+    if is_silent(turn, name) and not _may_go_back(turn, name, mirrored):
+        doubted = mirrored
+    else:
+        goals.command_by_hand(turn, mirrored)
+    turn.set(doubts={**turn.now.doubts, name: doubted})
+
+
+def _may_go_back(turn: Turn, name: str, to: Mapping[str, Value]) -> bool:
+    """Whether a device may be told so wherever its effects have taken it."""
+    station, system = turn.station, turn.system
+    own = [effect for effect in station.effects if effect.resource == name]
+    reached, waiting = {turn.now.state}, [turn.now.state]
+    while waiting and len(reached) <= PLACES:
+        state = waiting.pop()
+        told = tuple(to.get(v.name, value) for v, value in zip(system.variables, state, strict=True))
+        if not station.broken(told) <= station.broken(state):
+            return False
+        following = {after for effect in own for after in fire(system, effect, state)} - reached
+        reached |= following
+        waiting += following
+    return not waiting
 
 
 def may_regain(turn: Turn, name: str) -> None:

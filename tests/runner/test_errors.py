@@ -206,3 +206,20 @@ def test_a_command_that_a_lost_hub_has_not_mirrored_is_taken_back():
     rig.wait(1.0)
     assert "left" not in rig.now.lost
     assert not rig.now.doubts
+
+
+def test_no_command_is_taken_back_that_must_not_be_where_a_silent_device_may_have_got_to() -> None:
+    """Seed 1496 of the simulation: a robot that had come up from a bolt unheard was sent down again, with the tool at rest."""
+    stays = "invariants:\n  stays_out: not (left.to == home and left.at == out)\n"
+    text = edited(ONE_WORKS, ("decision:\n", stays + "decision:\n"))
+    rig = Rig(text).begin()
+    assert rig.value("left.to") == "out"
+    rig.wait(2.0, silent=("left",))
+    assert "left" in rig.now.lost
+    assert {goal.values["left.to"] for goal in rig.sent("left")[-5:]} == {"out"}
+    assert rig.now.doubts == {"left": {"left.to": "home"}}
+    rig.measured["left"] = {"left.at": "out"}
+    rig.wait(1.0)
+    assert "left" not in rig.now.lost
+    assert not rig.now.doubts
+    assert not rig.notes("gate")
