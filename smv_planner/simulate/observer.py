@@ -69,6 +69,7 @@ class Reign:
     done: set[int] = field(default_factory=set)
     approved: set[int] = field(default_factory=set)
     explained: set[str] = field(default_factory=set)
+    automatic: set[str] = field(default_factory=set)
     instructed: dict[str, str] = field(default_factory=dict)
     confirmed: set[str] = field(default_factory=set)
     enabled: dict[str, float] = field(default_factory=dict)
@@ -261,6 +262,8 @@ class Observer(Watch):
         changes: Mapping[str, Value] = note.data["changes"]  # type: ignore[assignment]
         self.counts[f"{by} steps"] += 1
         reign.explained.update(changes)
+        if by == "automatic":
+            reign.automatic.update(changes)
         transition = self._transition(reign, name)
         if by == "controlled":
             self.allowed_to(process, reign, name, transition, state, changes, after, before)
@@ -387,14 +390,17 @@ class Observer(Watch):
             return  # holding
         if old and old.epoch == message.epoch and dict(old.values) == dict(message.values):
             return
-        if old is None or old.epoch != message.epoch:
+        mirrored = heard.message.mirror if heard else {}
+        differs = {variable for variable, value in message.values.items() if mirrored.get(variable) != value}
+        if (old is None or old.epoch != message.epoch) and not differs <= reign.automatic:  # those wait for nobody
             self.complain("I3", f"the first command of an epoch to '{name}' is not what it mirrors")
         self.counts["commands"] += 1
         for variable, value in message.values.items():
             asked = old is not None and old.values[variable] == value
-            if not asked and variable not in reign.explained and not (heard and heard.message.mirror[variable] == value):
+            if not asked and variable not in reign.explained and variable in differs:
                 self.complain("I3", f"'{variable}' is commanded to be {value}, and no step was taken that asks for it")
         reign.explained.difference_update(message.values)
+        reign.automatic.difference_update(message.values)
         self.alone(process, message)
 
     def new_epoch(self, process: Process, epoch: int) -> None:
