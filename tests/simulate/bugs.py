@@ -122,7 +122,7 @@ BUGS = (
     ),
     _one(
         "an answer to an old question is taken",
-        Seed("nutrunner", 6, "I8"),
+        Seed("nutrunner", 46, "I8"),
         "runner/asking.py",
         "if asked is None or asked.revision != revision:",
         "if asked is None:",
@@ -143,7 +143,7 @@ BUGS = (
     _one("a hub obeys an overtaken goal", Seed("nutrunner", 1, "fence"), HUB, "if message.seq < now.seq:", "if False:"),
     _one(
         "at a start goals come from the initial state, not from the mirror",
-        Seed("nutrunner", 0, "I3"),
+        Seed("nutrunner", 3, "I3"),
         "runner/resources.py",
         "turn.believe({**state.measured, **state.mirror})",
         "turn.believe({**state.measured})",
@@ -194,7 +194,7 @@ BUGS = (
     ),
     Bug(
         "the gate lets everything pass, and goals are not taken from the mirror",
-        Seed("nutrunner", 0, "I3"),
+        Seed("nutrunner", 9, "I3"),
         (
             Edit(
                 "runner/gate.py",
@@ -282,6 +282,13 @@ BUGS = (
         "runner/step.py",
         "deaf=station.model.period",
         "deaf=0.0",
+    ),
+    _one(
+        "what a silent hub was told is taken back, wherever its device may be",
+        Seed(STATION, 1496, "true"),
+        "runner/resources.py",
+        "if is_silent(turn, name) and not _may_go_back(turn, name, mirrored):",
+        "if False:",
     ),
     _one(
         "automatic transitions wait while a plan is followed",

@@ -17,6 +17,15 @@ from smv_planner.simulate.campaign import Campaign
 ENOUGH = ("TP w/ETO", "TP w/RTO", "OP w/DO", "TP w/MT", "lost", "back", "rebooted", "stale", "timeout", "instruct")
 """Recovery that many seeds together have to go through."""
 
+FOUND = (
+    ("assembly_station", 1048),
+    ("assembly_station", 1288),
+    ("assembly_station", 1318),
+    ("assembly_station", 1496),
+    ("nutrunner", 33),
+)
+"""Seeds of long campaigns that showed a mistake, of the runner or of who watches it."""
+
 
 @pytest.mark.parametrize("first", [0, 20])
 def test_nothing_forbidden_happens_at_the_assembly_station(first: int) -> None:
@@ -32,6 +41,11 @@ def test_nothing_forbidden_happens_at_the_assembly_station(first: int) -> None:
 def test_nothing_forbidden_happens_elsewhere(scenario: str) -> None:
     for report in seeds.reports(scenario, range(30)):
         assert report.failures == []
+
+
+@pytest.mark.parametrize(("scenario", "seed"), FOUND)
+def test_what_a_seed_once_found_it_finds_no_more(scenario: str, seed: int) -> None:
+    assert seeds.campaign(scenario, seed).run().failures == []
 
 
 def test_the_same_seed_gives_the_same_bytes_whatever_was_asked_before() -> None:
