@@ -3,10 +3,13 @@
 from collections.abc import Iterator
 
 import pytest
+from engines.questions import ask, is_, up
 from generated import question
 
+from smv_planner.engines.auto import guide
 from smv_planner.engines.auto.search import Estimate, Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
+from smv_planner.model.domains import Range
 from smv_planner.model.ltl import ALWAYS_TRUE
 from smv_planner.problem import Problem, Reached
 
@@ -49,3 +52,16 @@ def test_the_plan_is_the_one_found_without_leaving_out_what_is_too_far(seeds: ra
         assert beyond.depth == len(plan.path)
         fewer += bool(paused)
     assert fewer > 10
+
+
+def test_what_has_too_many_states_says_nothing_and_is_not_measured_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    measured = []
+    monkeypatch.setattr(guide.Distances, "_measure", lambda self, real=guide.Distances._measure: measured.append(1) or real(self))
+    for states, steps in ((10, range(9, 0, -1)), (5, [1] * 9)):
+        problem = ask({"n": (Range(0, 9), 0)}, [up], is_("n", 9))
+        monkeypatch.setattr(guide, "STATES", states)
+        ground, tables = session_of(problem.system).variant(())
+        estimate = session_of(problem.system).guide(ground).estimate(problem)
+        assert estimate is not None
+        assert [estimate(tables.packing.pack((n,)), -1) for n in range(9)] == list(steps)
+    assert len(measured) == 1

@@ -85,6 +85,8 @@ class Distances(dict[int, int]):
             self._following.clear()
             self._met.clear()
             raise
+        if len(self._following) > STATES:
+            return 0
         self._measure()
         return self[key]
 
@@ -110,24 +112,19 @@ class Distances(dict[int, int]):
             if met:
                 self._met.append((node, met))
             waiting += found
-        for node in waiting:
-            following.setdefault(node, ())
 
     def size(self) -> int:
         return len(self._following)
 
     def _measure(self) -> None:
-        many = len(self._following) > STATES
         before: dict[int, list[int]] = {}
-        if not many:
-            for node, following in self._following.items():
-                for after in following:
-                    before.setdefault(after, []).append(node)
+        for node, following in self._following.items():
+            for after in following:
+                before.setdefault(after, []).append(node)
         for still in self._together:  # a set of targets comes after the smaller ones in it
             above = still << self._width
-            self.update(dict.fromkeys([node | above for node in self._following], 0 if many else NEVER))
-            if not many:
-                self._spread(above, self._nearest(still), before)
+            self.update(dict.fromkeys([node | above for node in self._following], NEVER))
+            self._spread(above, self._nearest(still), before)
 
     def _nearest(self, still: int) -> dict[int, list[int]]:
         """Where one of the targets is met, by how many steps all others then take."""
@@ -322,7 +319,7 @@ class Guide:
     def _case(self, lasts: tuple[Last, ...], support: Support) -> Case:
         names = frozenset().union(*(last.names for last in lasts), *_in_turn(lasts, support))
         targets = tuple(last.target for last in lasts)
-        key = targets, names, support.taken
+        key = tuple(last.action for last in lasts), targets, names, support.taken
         if key not in self._cases:
             if len(self._cases) == GOALS:
                 self._cases.clear()

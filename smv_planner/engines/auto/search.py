@@ -294,8 +294,8 @@ class Search:
         the same is looked at; what has `Ended` then has no proof.
 
         `within` leaves out nodes that, as is estimated, are on no plan of so many steps; the last pause then says how many
-        steps there have to be instead. What is estimated may drop by one with each step, so a plan that is found is the one
-        found without: the first to lead to any node that is not left out is not left out either.
+        steps there have to be instead. No estimate is too high, so a plan that is found is the one found without: no node
+        is left out that is on some plan of so many steps, nor any that is the first to lead to one.
         """
         tables, watch, usable, duties = self.tables, self._watch, self.usable, self._watch.duties
         packing, width = tables.packing, tables.packing.width
