@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from smv_planner.model.domains import Value
 from smv_planner.protocol import view as hubs
@@ -73,18 +73,20 @@ def _measure(turn: Turn, name: str, values: Mapping[str, Value]) -> None:
         turn.note("measured", f"{name}: the operator's doing", resource=name, changes=changes, explained="maintenance")
     elif row:
         turn.note("measured", f"{name}: {', '.join(row)}", resource=name, effects=row, changes=changes, explained="enabled")
-        _deviation(turn, name, changes)
+        _unplanned(turn, name, changes, row)
     else:
         text = ", ".join(f"{variable} = {value}" for variable, value in changes.items())
         turn.note("measured", f"{name}: no effect explains {text}", resource=name, changes=changes, explained="no effect")
-        _deviation(turn, name, changes)
+        _unplanned(turn, name, changes)
 
 
-def _deviation(turn: Turn, name: str, changes: Mapping[str, Value]) -> None:
+def _unplanned(turn: Turn, name: str, changes: Mapping[str, Value], row: Sequence[str] = ()) -> None:
     """What no plan waits for was measured. A question that is open is about a state that is no more."""
     if turn.station.matters.isdisjoint(changes):
         return
-    if turn.under_way:
+    if turn.thinking and turn.now.following is None and row and all(turn.system.transition[one].expected for one in row):
+        turn.need(Cause.PROGRESS)  # what was commanded before goes on while the planners think: nothing is wrong
+    elif turn.under_way:
         turn.need(Cause.DEVIATION, failures.concerned(turn, name))
     elif turn.now.asked:
         turn.set(asked=None)

@@ -420,6 +420,20 @@ def test_an_effect_that_has_happened_and_is_wanted_again_at_once_has_all_its_tim
     assert rig.notes("timeout")
 
 
+def test_what_was_commanded_before_may_go_on_while_the_planners_think() -> None:
+    """Nothing has gone wrong, so no operation has failed; who thinks for long must not use up its retries."""
+    rig = Rig(TABLE).begin()
+    rig.do(Began(rig.at, "q"))
+    rig.wait(1.0)
+    rig.measure("table.at", 2)
+    rig.answer()
+    assert rig.notes("stale")
+    assert rig.question.request.cause is Cause.RESUMED
+    rig.answer_all()
+    assert rig.value("table.to") == 3
+    assert not rig.now.failures
+
+
 def test_after_its_retries_an_operation_is_in_error_and_only_the_operator_allows_it_again() -> None:
     rig = Rig().begin()
     for times in range(1, 4):
