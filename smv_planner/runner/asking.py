@@ -43,7 +43,7 @@ def ask(turn: Turn) -> None:
 
 
 def answered(turn: Turn, revision: int, decision: Decision) -> None:
-    """Take a decision, unless something has happened since the question (DESIGN: stale answers are dropped)."""
+    """Take a decision, unless something has happened since the question."""
     asked = turn.now.asked
     if asked is None or asked.revision != revision:
         return

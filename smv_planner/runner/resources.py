@@ -56,7 +56,7 @@ def is_live(turn: Turn, variable: str) -> bool:
 
 
 def adopt_mirror(turn: Turn, name: str) -> None:
-    """Goal variables as the hub obeys them: at a start, and when it comes back (DESIGN: holding)."""
+    """Goal variables as the hub obeys them: at a start, and when it comes back."""
     state = turn.now.hubs[name].state
     assert state is not None
     turn.believe({**state.measured, **state.mirror})

@@ -27,7 +27,7 @@ Judge = Callable[[State], Value]
 
 
 class Phase(StrEnum):
-    """How far a planner has come in taking over (DESIGN: fencing)."""
+    """How far a planner has come in taking over."""
 
     STOPPED = "stopped"
     LISTENING = "listening"  # which epoch is the newest, and what does each hub mirror?

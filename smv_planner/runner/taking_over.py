@@ -1,4 +1,4 @@
-"""Taking over a cell, and being taken over: listen, hold under a new epoch until all live hubs obey, run (DESIGN: fencing)."""
+"""Taking over a cell, and being taken over: listen, hold under a new epoch until all live hubs obey, run."""
 
 from __future__ import annotations
 

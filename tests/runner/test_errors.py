@@ -1,4 +1,4 @@
-"""What goes wrong, and what is tried again of it (Machines 2021, section 4.6; DESIGN: errors)."""
+"""What goes wrong, and what is tried again of it (Machines 2021, section 4.6)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Planners and hubs that die, begin anew and come back (DESIGN: fencing, holding)."""
+"""Planners and hubs that die, begin anew and come back."""
 
 from __future__ import annotations
 
