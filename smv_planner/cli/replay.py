@@ -12,7 +12,7 @@ from smv_planner.errors import Mistake, UsageError
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import recover
 from smv_planner.simulate.planning import planners, station
-from smv_planner.simulate.replay import payloads, replay
+from smv_planner.simulate.replay import payloads, replay, segments
 from smv_planner.simulate.view import Timelines, abilities, plan_lines, purpose, transcript, waits
 
 
@@ -57,6 +57,7 @@ def _noted(folder: Path) -> str:
     try:
         return (folder / SCENARIO).read_text(encoding="utf-8").strip()
     except OSError:
+        segments(folder)  # of nothing there is nothing to be told
         raise UsageError([Mistake(f"'{folder}' does not say which scenario it is of", "name it with --scenario")]) from None
 
 

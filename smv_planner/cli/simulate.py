@@ -16,7 +16,7 @@ from smv_planner import language
 from smv_planner.cli import outcome
 from smv_planner.cli.question import settings
 from smv_planner.errors import Mistake, UsageError
-from smv_planner.journal import Folder
+from smv_planner.journal import Folder, Refused, Unwritten
 from smv_planner.lazy import dataclass, field
 from smv_planner.model.model import Model
 from smv_planner.runner.events import Note
@@ -228,7 +228,10 @@ def _journal(asked: argparse.Namespace) -> Folder | None:
     folder = Path(asked.journal)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise UsageError([Mistake(f"'{folder}' is there already", "a journal of a simulation begins in a new folder")])
-    disk = _Unhurried(folder)
+    try:
+        disk = _Unhurried(folder)
+    except (Refused, Unwritten) as error:
+        raise UsageError([Mistake(str(error), "--journal names another folder")]) from error
     (folder / SCENARIO).write_text(f"{Path(asked.scenario).absolute()}\n", encoding="utf-8")
     return disk
 

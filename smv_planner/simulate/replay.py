@@ -36,18 +36,24 @@ class Told:
         return [output for output in self.outputs if isinstance(output, Note)]
 
 
+def segments(folder: Path) -> list[Path]:
+    """The files of a journal, oldest first. Raises UsageError if there are none."""
+    found = sorted(path for path in folder.glob("*.journal") if _SEGMENT.fullmatch(path.name))
+    if not found:
+        raise UsageError([Mistake(f"there is no journal in '{folder}'", "it is a folder with files as 00000001.journal")])
+    return found
+
+
 def payloads(folder: Path, station: Station) -> tuple[bytes, ...]:
     """The records of a journal's newest segment; a torn end is left out. Raises UsageError if it is not one of this model."""
-    segments = sorted(path for path in folder.glob("*.journal") if _SEGMENT.fullmatch(path.name))
-    if not segments:
-        raise UsageError([Mistake(f"there is no journal in '{folder}'", "it is a folder with files as 00000001.journal")])
-    found = read(segments[-1].read_bytes())
+    *_, newest = segments(folder)
+    found = read(newest.read_bytes())
     if isinstance(found, Damaged):
         where = f"from byte {found.offset} on, in record {found.record}: {found.reason}"
-        raise UsageError([Mistake(f"'{segments[-1]}' is damaged {where}")])
+        raise UsageError([Mistake(f"'{newest}' is damaged {where}")])
     sound = found.before if isinstance(found, Torn) else found
     if sound.header.model != station.model.hash:
-        raise UsageError([Mistake(f"'{segments[-1]}' is the journal of another model than '{station.model.name}'")])
+        raise UsageError([Mistake(f"'{newest}' is the journal of another model than '{station.model.name}'")])
     return sound.records
 
 

@@ -65,6 +65,7 @@ def test_a_station_that_is_stopped_on_its_way_exits_with_1() -> None:
         (["--until", "-1"], "--until is -1"),
         (["--speed", "nan"], "--speed is nan"),
         (["--journal", DOOR], "is there already"),
+        (["--journal", "/dev/null/journal"], "cannot be used for a journal"),
     ],
 )
 def test_a_wrong_question_is_refused_with_a_hint(arguments: list[str], told: str) -> None:
@@ -124,6 +125,13 @@ def test_a_decision_that_was_another_is_told(tmp_path: Path) -> None:
     assert done.returncode == 1
     assert "decided now: OP; TP" in done.stdout
     assert "1 decisions, 1 otherwise" in done.stdout
+
+
+def test_where_there_is_no_journal_nothing_is_told(tmp_path: Path) -> None:
+    for folder in (tmp_path, tmp_path / "nowhere"):
+        told = planner("replay", str(folder))
+        assert told.returncode == 2
+        assert "there is no journal in" in told.stderr
 
 
 def test_a_damaged_journal_and_one_of_another_model_are_refused(tmp_path: Path) -> None:
