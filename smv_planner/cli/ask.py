@@ -54,9 +54,13 @@ def add_health(parser: argparse.ArgumentParser) -> None:
 
 def ask(asked: argparse.Namespace) -> int:
     word, *rest = asked.words
+    if word not in WORDS:
+        raise UsageError([Mistake(f"'{word}' is no question and no order", "there are " + ", ".join(WORDS))])
+    if word in QUESTIONS and rest:
+        raise _not_so(word, rest)
     with linked(asked) as link:
         cell = running_cell(asked, link)
-        if word in QUESTIONS and not rest:
+        if word in QUESTIONS:
             key, kind = QUESTIONS[word]
             found = document(link, key(cell), kind)
             print(json.dumps(found, indent=2) if asked.json else printable("\n".join(_LINES[word](found))))
@@ -70,8 +74,6 @@ def ask(asked: argparse.Namespace) -> int:
 
 def ordered(word: str, rest: list[str], link: Link, cell: str) -> dict[str, Any]:
     """The order that words mean. Raises UsageError."""
-    if word not in orders.ORDERS:
-        raise UsageError([Mistake(f"'{word}' is no question and no order", "there are " + ", ".join(WORDS))])
     field = orders.ORDERS[word][1]
     if word == "set" and rest:
         return {"order": word, "values": dict(_value(text) for text in rest)}
@@ -80,10 +82,12 @@ def ordered(word: str, rest: list[str], link: Link, cell: str) -> dict[str, Any]
     if field == "request" and not rest:
         return {"order": word, field: only_request(document(link, keys.operator(cell), "operator"), word)}
     if field is None or len(rest) != 1 or word == "set":
-        raise UsageError(
-            [Mistake(f"'{' '.join([word, *rest])}' is not how to say it", " ".join(WORDS[word].split("   ")[0].split()))]
-        )
+        raise _not_so(word, rest)
     return {"order": word, field: rest[0]}
+
+
+def _not_so(word: str, rest: list[str]) -> UsageError:
+    return UsageError([Mistake(f"'{' '.join([word, *rest])}' is not how to say it", WORDS[word].partition("  ")[0])])
 
 
 def only_request(found: dict[str, Any], answer: str) -> str:
@@ -120,7 +124,10 @@ def _status(asked: argparse.Namespace) -> dict[str, Any] | None:
         return None
     found = settings(asked)
     if found["journal"].origin != "default" or found["cell"].value:
-        return status.found(found["journal"].value)
+        told = status.found(found["journal"].value)
+        if told is None and found["journal"].origin != "default":  # on the network another one might answer
+            return status.unwell(f"no planner runs that has its journal in '{found['journal'].value}'")
+        return told
     told = status.all_below(Path(found["journal"].value).parent)
     if len(told) > 1:
         raise UsageError([Mistake("several planners were started here: " + ", ".join(told), "name one with --cell or --journal")])

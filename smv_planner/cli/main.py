@@ -204,10 +204,10 @@ COMMANDS: Mapping[str, Command] = {
         ask.add_health,
         ask.health,
         "say whether the planner is well",
-        "Say whether the planner that runs is well: exit 0, else 1. It is not if it stands still, if its journal "
-        "cannot be written, or if another planner has taken over. The planner of this machine is asked without the network; "
-        "over the network where --connect says so, or if none has run here. What the station waits for is told, and changes "
-        "nothing about that.",
+        "Say whether the planner that runs is well: exit 0, else 1. It is not if it stands still, if there is no router, if its "
+        "journal cannot be written, if decisions do not come about, if all resources are lost, or if another planner has taken "
+        "over. The planner of this machine is asked without the network; over the network where --connect says so, or if none "
+        "runs here and --journal names none. What the station waits for is told, and changes nothing about that.",
     ),
     "operator": Command(
         operator.add_operator,

@@ -58,7 +58,7 @@ def found(folder: str | os.PathLike[str], clock: Callable[[], float] = time.mono
     except FileNotFoundError:
         return None
     except (OSError, ValueError, KeyError, AttributeError, TypeError) as error:
-        return {"healthy": False, "current": False, "waiting": [], "wrong": [f"the status in '{folder}' cannot be read: {error}"]}
+        return unwell(f"the status in '{folder}' cannot be read: {error}")
     said["current"] = 0 <= age <= counts
     if not said["current"]:  # less than nothing: the machine has been started anew
         old = f"it said so {age:.1f} s ago" if age > 0 else "it said so before this machine was started"
@@ -66,6 +66,11 @@ def found(folder: str | os.PathLike[str], clock: Callable[[], float] = time.mono
         said["healthy"], said["waiting"] = False, []
     said["tick_age"] = round(said["tick_age"] + max(0.0, age), 3)
     return said
+
+
+def unwell(why: str) -> dict[str, Any]:
+    """What is to be said of a daemon that says nothing itself."""
+    return {"healthy": False, "current": False, "waiting": [], "wrong": [why]}
 
 
 def all_below(folder: str | os.PathLike[str]) -> dict[str, dict[str, Any]]:

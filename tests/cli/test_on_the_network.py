@@ -198,6 +198,12 @@ def test_a_hub_has_to_be_told_something(monkeypatch: pytest.MonkeyPatch) -> None
         command(["emulate", "scenarios/door", "--tell", "door"])
 
 
+@pytest.mark.parametrize(("words", "told"), [(["plans"], "is no question and no order"), (["plan", "x"], "is not how to say it")])
+def test_what_cannot_be_asked_is_refused_before_anybody_is_asked(words: list[str], told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        command(["ask", *words])
+
+
 @pytest.mark.parametrize(
     ("error", "code"), [(RefusedError("no"), 2), (LinkError("nobody answers"), 6), (EngineError("it broke"), 5)], ids=repr
 )

@@ -91,6 +91,13 @@ def test_a_file_that_says_nothing_is_not_well(tmp_path: Path, text: str) -> None
     assert health("--journal", str(tmp_path)) == UNHEALTHY
 
 
+def test_where_the_planner_that_is_named_does_not_run_no_other_answers_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert health("--journal", str(tmp_path)) == UNHEALTHY
+    assert "no planner runs that has its journal in" in capsys.readouterr().out
+
+
 def test_the_planner_of_this_machine_is_found_without_being_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
