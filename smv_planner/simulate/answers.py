@@ -6,7 +6,7 @@ remembered makes no difference to a run but its duration.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
+from collections.abc import Hashable
 
 from smv_planner.emulation.draw import Draw
 from smv_planner.lazy import dataclass, field, replace
@@ -77,9 +77,6 @@ def lying(planners: Planners, draw: Draw) -> Planners:
     """An engine whose answers are wrong: nothing may come of them."""
     solve, asked = planners.solve, iter(range(1_000_000))
     return replace(planners, solve=lambda problem: lie(problem, solve(problem), draw.of(next(asked))))
-
-
-Lie = Callable[[Problem, Verdict, Draw], Verdict]
 
 
 def lie(problem: Problem, verdict: Verdict, draw: Draw) -> Verdict:

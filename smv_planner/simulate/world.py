@@ -40,7 +40,7 @@ from smv_planner.runner.events import (
 )
 from smv_planner.runner.records import Known
 from smv_planner.runner.recovery import Planners, recover
-from smv_planner.runner.situation import Phase, Situation, Station, at_rest
+from smv_planner.runner.situation import Situation, Station, at_rest
 from smv_planner.simulate.network import CALM, Arrival, Weather, arrivals
 from smv_planner.simulate.operator import Operator
 from smv_planner.simulate.process import SEGMENT, Moment, Process
@@ -142,11 +142,6 @@ class World:
         while self._heap and self._heap[0][0] <= until and not stop():
             self.at, _, happening = heapq.heappop(self._heap)
             happening()
-
-    @property
-    def pending(self) -> int:
-        """How much is on its way; bounded by what is bounded elsewhere."""
-        return len(self._heap)
 
     @property
     def fingerprint(self) -> str:
@@ -387,9 +382,3 @@ class World:
         left = self.cut.pop((sender, receiver), 1) - 1
         if left > 0:
             self.cut[sender, receiver] = left
-
-    @property
-    def ruling(self) -> list[Process]:
-        """The processes that send commands."""
-        phases = (Phase.JOINING, Phase.RUNNING)
-        return [process for process in self.processes if process.alive and process.situation.phase in phases]
