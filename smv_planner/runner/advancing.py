@@ -25,7 +25,7 @@ def automatic(turn: Turn) -> bool:
     before = turn.now.state
     turn.reach(state)
     changes = turn.system.changes(before, state)
-    turn.told |= {r for name in changes if goals.is_goal(turn, name) and (r := turn.system.resources[name]) is not None}
+    turn.excused |= {r for name in changes if goals.is_goal(turn, name) and (r := turn.system.resources[name]) is not None}
     turn.note("fired", f"{transition.name}", transition=transition.name, by="automatic", changes=changes)
     following = turn.now.following
     if following and not plan_steps.follow(turn, [transition.name]):

@@ -23,7 +23,7 @@ def send(turn: Turn) -> None:
             continue
         values, told = _goal_state(turn, name), before.hubs[name].commanded
         if values != told:
-            refused = gate.refused(turn.station, before, name, values, name in turn.told)
+            refused = gate.refused(turn.station, before, name, values, name in turn.excused)
             if refused is None:
                 tell(turn, name, values)
             elif before.sequence[name]:
@@ -69,5 +69,5 @@ def command_by_hand(turn: Turn, values: Mapping[str, Value]) -> None:
     """
     turn.believe(values)
     moved = {resource for name in values if (resource := turn.system.resources[name]) is not None}
-    turn.told |= moved
+    turn.excused |= moved
     turn.set(doubts={name: doubted for name, doubted in turn.now.doubts.items() if name not in moved})

@@ -19,13 +19,13 @@ _GRAVITY = (Cause.PROGRESS, Cause.RESUMED, Cause.CHANGED, Cause.DEVIATION, Cause
 
 
 class Turn:
-    """`told` are resources whose goals change by automatic transitions, or by the operator's doing."""
+    """`excused` are resources whose goals change by automatic transitions, or by hand: no plan has asked for it (see `gate`)."""
 
     def __init__(self, station: Station, now: Situation) -> None:
         self.station, self.model, self.system = station, station.model, station.system
         self.now = now
         self.out: list[Output] = []
-        self.told: set[str] = set()
+        self.excused: set[str] = set()
 
     def set(self, **changes: object) -> None:
         self.now = self.now.but(**changes)
