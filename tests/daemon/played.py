@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from daemon.stations import PATIENCE, Station, station
+from daemon.stations import PATIENCE, Station, station, until
 
 from smv_planner.cli.staged import Staged
 from smv_planner.simulate.script import Case
@@ -20,8 +20,7 @@ def differences(here: Station, staged: Staged) -> list[str]:
     while not staged.over and time.monotonic() < ends:
         staged.look()
         time.sleep(0.003)
-    situation = here.situation()
-    assert situation
+    situation = until(here.situation, "the planner says how it stands")
     # At this pace something may come about while the planners think; then they are simply asked again.
     actions = [action.name for action in record.recovery if action.name != "TP" or "TP" in (then.actions or ())]
     told: dict[str, tuple[object, object]] = {

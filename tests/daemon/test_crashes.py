@@ -68,8 +68,7 @@ def killed_at_random(here: Station, times: int, seed: int) -> list[float]:
 
 def believed(here: Station) -> dict[str, Any]:
     """What only the planner can know."""
-    situation = here.situation()
-    assert situation
+    situation = until(here.situation, "the planner says how it stands")
     own = [v.name for v in here.model.variables if v.resource is None]
     return {name: situation["state"][name] for name in own}
 

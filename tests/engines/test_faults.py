@@ -18,7 +18,7 @@ from smv_planner.errors import EngineError
 from smv_planner.problem import Undecided, Verdict
 
 PROBLEM, _ = QUESTIONS["up to the border"]
-DEADLINE, AMPLE, LATENESS = 0.5, 30.0, 2.0
+DEADLINE, AMPLE, LATENESS = 0.5, 30.0, 20.0
 
 Ask = Callable[[StandIn, float], Verdict]
 

@@ -576,18 +576,18 @@ LARGE = {
 
 @pytest.mark.parametrize("text", LARGE.values(), ids=LARGE)
 def test_what_would_become_too_large_is_refused_soon(text):
-    started = time.monotonic()
+    started = time.process_time()
     (message, *_), *_ = found(HEAD + text)
     assert any(limit in message for limit in ("200000", "2000000", "longer than 100000")), message
-    assert time.monotonic() - started < SOON
+    assert time.process_time() - started < SOON
 
 
 @pytest.mark.parametrize("name", ["_" * 900_000, "x" + "_" * 900_000, "x_" * 400_000], ids=lambda name: name[:3])
 def test_a_long_placeholder_is_just_unknown(name):
-    started = time.monotonic()
+    started = time.process_time()
     ((message, *_),) = found(HEAD + BIT + f"predicates: {{p: bit or ${name}}}")
     assert message.startswith("unknown placeholder")
-    assert time.monotonic() - started < SOON
+    assert time.process_time() - started < SOON
 
 
 def test_the_limit_names_the_instance():
