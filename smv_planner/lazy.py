@@ -33,6 +33,7 @@ def _dataclass(
     if cls is None:
         return lambda cls: _dataclass(cls, frozen=frozen, eq=eq, slots=slots, weakref_slot=weakref_slot)
     assert not _WRITTEN & vars(cls).keys(), f"{cls} has methods of its own in place of those of a dataclass"
+    assert not any(map(_is_dataclass, cls.__bases__)), f"{cls} inherits fields, which would be lost"
     fields = {name: _described(name, vars(cls).get(name, _MISSING)) for name in cls.__annotations__}
     made: Any = _with_slots(cls, tuple(fields), weakref_slot) if slots else _with_defaults(cls, fields)
     made.__match_args__ = tuple(fields)  # type: ignore[misc]

@@ -166,6 +166,14 @@ def test_methods_of_its_own_are_not_overwritten_in_silence() -> None:
                 return "own"
 
 
+def test_inherited_fields_are_not_lost_in_silence() -> None:
+    with pytest.raises(AssertionError, match="inherits fields"):
+
+        @lazy.dataclass(frozen=True)
+        class More(Travelling):
+            c: int
+
+
 @lazy.dataclass(frozen=True, slots=True)
 class Travelling:
     a: int
