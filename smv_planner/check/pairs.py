@@ -17,6 +17,7 @@ from smv_planner.model.domains import Value
 from smv_planner.model.expressions import And, Expr, If, Or, conjuncts, meaning, negation, variables_of
 from smv_planner.model.ltl import Atom, Both, Either, Formula, Next, Release, Until
 from smv_planner.model.semantics import once, ready
+from smv_planner.model.system import System, Transition, Variable
 from smv_planner.problem import Pairs, Problem
 
 COMBINATIONS = 1000
@@ -39,16 +40,58 @@ def broken(problem: Problem, proof: Pairs) -> str | None:
     return check.broken()
 
 
+class _Facts:
+    """All facts of a system, numbered, and how conditions on them are judged: nothing of any proof, for it is remembered."""
+
+    def __init__(self, system: System, variables: Iterable[Variable]) -> None:
+        self.number: dict[Fact, int] = {}
+        self.values: dict[str, Left] = {}
+        self._domains = {variable.name: variable.domain.values for variable in variables}
+        for name, domain in self._domains.items():
+            facts = [(name, value) for value in domain]
+            for fact in facts:
+                self.number[fact] = len(self.number)
+            self.values[name] = self.bits(facts)
+
+    def judge(self, condition: Expr) -> Judge:
+        names = sorted(variables_of(condition))
+        domains = [self._domains[name] for name in names]
+        if len(names) <= 1 or prod(map(len, domains)) <= COMBINATIONS:
+            holds = meaning(condition, {name: at for at, name in enumerate(names)})
+            return enumerated([self._numbers(names, row) for row in product(*domains) if holds(row)])
+        every = tuple(conjuncts(condition))
+        if len(every) > 1:
+            return in_turn(list(map(self.judge, every)))
+        some = tuple(negation(part) for part in conjuncts(condition, False))
+        if len(some) > 1:
+            return either(list(map(self.judge, some)))
+        match every[0]:
+            case And() | Or():
+                return self.judge(every[0])
+            case If(case, then, otherwise):
+                return either([self.judge(And((case, then))), self.judge(And((negation(case), otherwise)))])
+        return lambda left, beside: left
+
+    def bits(self, facts: Iterable[Fact]) -> Left:
+        return sum(1 << self.number[fact] for fact in facts)
+
+    def _numbers(self, names: list[str], row: tuple[Value, ...]) -> tuple[int, ...]:
+        return tuple(self.number[fact] for fact in zip(names, row, strict=True))
+
+
+def _judge(system: System, condition: Expr) -> Judge:
+    return once(system, _Facts, system.variables).judge(condition)
+
+
+def _enabled(system: System, transition: Transition) -> list[Expr]:
+    return list(conjuncts(ready(system, transition)))
+
+
 class _Check:
     def __init__(self, problem: Problem, proof: Pairs) -> None:
         self.problem, self.system = problem, problem.system
-        self.number: dict[Fact, int] = {}
-        self.values: dict[str, Left] = {}
-        for variable in self.system.variables:
-            facts = [(variable.name, value) for value in variable.domain.values]
-            for fact in facts:
-                self.number[fact] = len(self.number)
-            self.values[variable.name] = self.bits(facts)
+        facts = once(self.system, _Facts, self.system.variables)
+        self.number, self.values, self.bits = facts.number, facts.values, facts.bits
         self.own = [self.values[name] for name, _ in self.number]
         everything = (1 << len(self.number)) - 1
         self.beside = [everything & ~values | 1 << at for at, values in enumerate(self.own)]
@@ -63,9 +106,9 @@ class _Check:
         start = self.bits(self.system.named(self.problem.initial).items())
         if any(start & ~self.beside[at] for at in places(start)):
             return "the proof keeps apart what holds at the start"
-        allowed = [part for i in self.problem.allowed for part in once(self.system, "parts", i.predicate, parts)]
+        allowed = [part for i in self.problem.allowed for part in once(self.system, parts, i.predicate)]
         for transition in self.problem.usable:
-            enabled = once(self.system, "enabled", transition, lambda system, it: list(conjuncts(ready(system, it))))
+            enabled = once(self.system, _enabled, transition)
             for number, chosen in enumerate(choices(self.system, transition)):
                 look()
                 if self.leaves([*enabled, *kept(self.system, transition, number, chosen, allowed)], chosen):
@@ -139,33 +182,7 @@ class _Check:
         return left
 
     def judge(self, condition: Expr) -> Judge:
-        return once(self.system, "pairs", condition, lambda system, condition: self.made(condition))
-
-    def made(self, condition: Expr) -> Judge:
-        """How a condition is judged: says nothing of this proof, for it is remembered."""
-        names = sorted(variables_of(condition))
-        domains = [self.system.domains[name].values for name in names]
-        if len(names) <= 1 or prod(map(len, domains)) <= COMBINATIONS:
-            holds = meaning(condition, {name: at for at, name in enumerate(names)})
-            return enumerated([self.facts(names, row) for row in product(*domains) if holds(row)])
-        every = tuple(conjuncts(condition))
-        if len(every) > 1:
-            return in_turn(list(map(self.made, every)))
-        some = tuple(negation(part) for part in conjuncts(condition, False))
-        if len(some) > 1:
-            return either(list(map(self.made, some)))
-        match every[0]:
-            case And() | Or():
-                return self.made(every[0])
-            case If(case, then, otherwise):
-                return either([self.made(And((case, then))), self.made(And((negation(case), otherwise)))])
-        return lambda left, beside: left
-
-    def facts(self, names: list[str], row: tuple[Value, ...]) -> tuple[int, ...]:
-        return tuple(self.number[fact] for fact in zip(names, row, strict=True))
-
-    def bits(self, facts: Iterable[Fact]) -> Left:
-        return sum(1 << self.number[fact] for fact in facts)
+        return once(self.system, _judge, condition)
 
 
 def enumerated(ways: list[tuple[int, ...]]) -> Judge:

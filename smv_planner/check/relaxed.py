@@ -53,21 +53,21 @@ def broken(problem: Problem, proof: Relaxed) -> str | None:
     sets = {v.name: frozenset(v.domain.values).intersection(it) for v, it in zip(system.variables, proof.values, strict=True)}
     if not all(value in sets[name] for name, value in system.named(problem.initial).items()):
         return "the proof leaves out the initial state"
-    allowed = [part for i in problem.allowed for part in once(system, "parts", i.predicate, parts)]
+    allowed = [part for i in problem.allowed for part in once(system, parts, i.predicate)]
     for transition in problem.usable:
         look()
-        for number, way in enumerate(once(system, "ways", transition, _ways)):
+        for number, way in enumerate(once(system, _ways, transition)):
             if way.stays(sets, sets):
                 continue
-            enabled = once(system, "enabling", transition, _enabling)
+            enabled = once(system, _enabling, transition)
             narrowed = narrow(enabled, sets)
             if narrowed is None or way.stays(narrowed, sets):
                 continue
             before = kept(system, transition, number, way.chosen, allowed)
-            narrowed = narrow([*enabled, *(once(system, "condition", part, condition) for part in before)], sets)
+            narrowed = narrow([*enabled, *(once(system, condition, part) for part in before)], sets)
             if narrowed is not None and not way.stays(narrowed, sets):
                 return f"the proof leaves out what follows on '{transition.name}'"
-    always = [once(system, "condition", part, condition) for part, _ in allowed]
+    always = [once(system, condition, part) for part, _ in allowed]
     if may_hold(system, problem.formula, sets, always):
         return "the proof's sets do not rule out that the goals are met"
     return None
@@ -82,7 +82,7 @@ def kept(
     system: System, transition: Transition, number: int, chosen: Mapping[str, Expr], allowed: list[tuple[Expr, frozenset[str]]]
 ) -> list[Expr]:
     """What has to hold before a transition with a choice, for what is allowed to hold after it."""
-    before = once(system, "before", transition, _nothing_yet)
+    before = once(system, _nothing_yet, transition)
     touched = [part for part, names in allowed if not names.isdisjoint(chosen)]
     for old in touched:
         if (number, id(old)) not in before:

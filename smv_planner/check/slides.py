@@ -60,9 +60,9 @@ class _Part:
 
 def _parts(system: System, invariants: Sequence[Expr]) -> Sequence[_Part]:
     """The parts, known again by identity; those that are the same in systems with the same base are one."""
-    asked = once(system, "parts that slide", system, _none_asked)
+    asked = once(system, _none_asked, system)
     if (key := _ids(invariants)) not in asked:
-        of_base = once(system, "part that slides", system.variables, _none_made)
+        of_base = once(system, _none_made, system.variables)
         found = []
         for used, transitions, held in _apart(system, invariants):
             own = _ids(transitions), _ids(held)
@@ -86,6 +86,10 @@ def _none_made(system: System, of: object) -> dict[tuple[Ids, Ids], _Part]:
     return {}
 
 
+def _reads(system: System, invariant: Expr) -> frozenset[str]:
+    return variables_of(invariant)
+
+
 def _ids(things: Iterable[object]) -> Ids:
     return tuple(map(id, things))
 
@@ -97,7 +101,7 @@ def _apart(
     moves = [transition for transition in system.transitions if transition.kind.uncontrollable and transition.actions]
     written = frozenset().union(*(transition.assigned for transition in moves))
     uses = {id(each): each.used for each in moves}
-    uses |= {id(each): once(system, "reads", each, lambda _, expr: variables_of(expr)) for each in invariants}
+    uses |= {id(each): once(system, _reads, each) for each in invariants}
     part_of = {name: name for name in written}
 
     def part(name: str) -> str:

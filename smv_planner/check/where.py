@@ -46,7 +46,7 @@ class Where:
                 for part in predicate.parts:
                     found &= self._all(part)
             else:
-                for part, see in once(self._system, "seen", predicate, _parts):
+                for part, see in once(self._system, _parts, predicate):
                     found &= self._one(part, see)
             self._known[id(predicate)] = predicate, found
         return self._known[id(predicate)][1]
@@ -61,4 +61,4 @@ class Where:
 
 
 def _parts(system: System, predicate: Expr) -> list[tuple[Expr, Seen]]:
-    return [(part, seen(system, names)) for part, names in once(system, "parts", predicate, parts)]
+    return [(part, seen(system, names)) for part, names in once(system, parts, predicate)]

@@ -57,7 +57,7 @@ Step = tuple[Transition, State]
 
 def ready(system: System, transition: Transition) -> Expr:
     """When a transition is enabled, as a predicate on states (automatic priority apart)."""
-    return once(system, "ready", transition, _ready)
+    return once(system, _ready, transition)
 
 
 def _ready(system: System, transition: Transition) -> Expr:
@@ -196,12 +196,12 @@ def _steps_to(state: State, came_from: Mapping[State, Step | None]) -> list[Step
 
 def _compiled(system: System, transition: Transition) -> Callable[[State], tuple[State, ...]]:
     """`fire` for one transition."""
-    return once(system, "fire", transition, _compile)
+    return once(system, _compile, transition)
 
 
 def judge(system: System, predicate: Expr) -> Callable[[State], Value]:
     """`meaning`, made once and found once for what is read: for predicates that are asked again, as those of invariants are."""
-    return once(system, "judge", predicate, _judge)
+    return once(system, _judge, predicate)
 
 
 def _judge(system: System, predicate: Expr) -> Callable[[State], Value]:
@@ -222,16 +222,16 @@ def _judge(system: System, predicate: Expr) -> Callable[[State], Value]:
     return judged
 
 
-def once(system: System, what: str, of: T, make: Callable[[System, T], R]) -> R:
+def once(system: System, make: Callable[[System, T], R], of: T) -> R:
     """What `make` makes of something, remembered by identity: to compare large expressions takes time.
 
-    `what` says which thing is made; the kernel's and this module's own names for that are all there are.
+    Systems with one base remember together; so `make` may use no more of a system than its variables, unless it is `of` it.
     """
-    found = system.memo.get((what, id(of)))
+    found = system.memo.get((make, id(of)))
     if found is None:
         if len(system.memo) >= REMEMBERED:
             system.memo.clear()
-        found = system.memo[what, id(of)] = of, make(system, of)
+        found = system.memo[make, id(of)] = of, make(system, of)
     return cast("R", found[1])
 
 

@@ -173,7 +173,7 @@ class System:
         return tuple(variable.initial for variable in self.variables)
 
     @cached_property
-    def memo(self) -> dict[tuple[str, int], tuple[object, object]]:
+    def memo(self) -> dict[tuple[object, int], tuple[object, object]]:
         """What `semantics.once` has worked out of transitions and predicates; nobody else's business."""
         return self.base.memo if self.base else {}
 

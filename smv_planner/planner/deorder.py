@@ -21,9 +21,9 @@ def proposals(problem: Problem, trace: Reached) -> Iterator[Order]:
     into one formula; if that is not enough, also if both write into one automatic guard, or into one of the invariants that
     the looser orders violate."""
     system = problem.system
-    footprints = [once(system, "footprint", system.transition[name], _footprint) for name in trace.path]
+    footprints = [once(system, _footprint, system.transition[name]) for name in trace.path]
     formulas, invariants = _formulas(problem), _read_by_invariants(problem)
-    automatic = [once(system, "reads", t.guard, _reads) for t in problem.usable if t.kind.automatic]
+    automatic = [once(system, _reads, t.guard) for t in problem.usable if t.kind.automatic]
     tried: list[Order] = []
 
     def untried(watched: Sequence[frozenset[str]]) -> Iterator[Order]:
@@ -75,7 +75,7 @@ def _reads(system: System, expr: Expr) -> frozenset[str]:
 
 
 def _read_by_invariants(problem: Problem) -> list[frozenset[str]]:
-    return [once(problem.system, "reads", invariant.predicate, _reads) for invariant in problem.allowed]
+    return [once(problem.system, _reads, invariant.predicate) for invariant in problem.allowed]
 
 
 def _formulas(problem: Problem) -> list[frozenset[str]]:
