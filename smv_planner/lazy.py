@@ -41,6 +41,7 @@ def _dataclass(
     made.__dataclass_fields__ = _DESCRIBED
     _when_called(made, "__init__", lambda: _init(made, fields, frozen, slots))
     _when_called(made, "__repr__", lambda: _repr(fields))
+    _when_called(made, "__replace__", lambda: _replacing(made, fields))
     if eq:
         _when_called(made, "__eq__", lambda: _eq(fields))
     if eq and frozen:
@@ -129,6 +130,12 @@ def _hash(fields: Mapping[str, _Field]) -> Any:
     return _written("__hash__", ["self"], [f"return hash({_compared('self', fields)})"], {})
 
 
+def _replacing(cls: type, fields: Mapping[str, _Field]) -> Any:
+    parameters = ["self", "*", *(f"{name}=_same" for name in fields)] if fields else ["self"]
+    values = ", ".join(f"self.{name} if {name} is _same else {name}" for name in fields)
+    return _written("__replace__", parameters, [f"return _class({values})"], {"_same": _MISSING, "_class": cls})
+
+
 def _compared(value: str, fields: Mapping[str, _Field]) -> str:
     return "(" + "".join(f"{value}.{name}, " for name, field in fields.items() if field.compare) + ")"
 
@@ -191,7 +198,7 @@ def _is_dataclass(value: Any) -> bool:
 
 
 def _replace(value: Any, /, **changes: Any) -> Any:
-    return type(value)(**{name: getattr(value, name) for name in value.__match_args__ if name not in changes}, **changes)
+    return value.__replace__(**changes)
 
 
 if TYPE_CHECKING:
