@@ -130,7 +130,7 @@ def _codec(hint: Any) -> _Codec:
         assert arguments[0] is str, hint
         item = _codec(arguments[1])
         return _Codec(
-            lambda value: {name: item.said(each) for name, each in value.items()},
+            dict if item.said is _itself else lambda value: {name: item.said(each) for name, each in value.items()},
             lambda said, known: {name: item.meant(each, known) for name, each in _a(dict, said).items()},
         )
     if hint is Task:
@@ -144,7 +144,11 @@ def _codec(hint: Any) -> _Codec:
     if issubclass(hint, StrEnum):
         return _Codec(str, lambda said, known: hint(said))
     assert hint in (bool, int, str), hint
-    return _Codec(lambda value: value, lambda said, known: _a(hint, said))
+    return _Codec(_itself, lambda said, known: _a(hint, said))
+
+
+def _itself(value: Any) -> Any:
+    return value
 
 
 def _one_of(hints: tuple[Any, ...]) -> _Codec:
@@ -170,26 +174,28 @@ def _named(options: tuple[Any, ...]) -> _Codec:
 
 
 def _plain(options: tuple[Any, ...]) -> _Codec:
-    return _Codec(lambda value: value, lambda said, known: _a(options, said))
+    return _Codec(_itself, lambda said, known: _a(options, said))
 
 
 def _fields_of(made: Any) -> _Codec:
     """An object of the fields that have not their defaults. Fields are looked up late: a formula has formulas in it."""
-    described: list[tuple[str, _Codec, Any]] = []
 
-    def each_field() -> list[tuple[str, _Codec, Any]]:
-        if not described:
-            hints = typing.get_type_hints(made)
-            described.extend((each.name, _codec(hints[each.name]), _default(each)) for each in fields(made))
-        return described
+    @cache
+    def described() -> dict[str, tuple[_Codec, Any]]:
+        hints = typing.get_type_hints(made)
+        return {each.name: (_codec(hints[each.name]), _default(each)) for each in fields(made)}
 
     def said(value: Any) -> dict[str, Any]:
-        parts = ((name, codec, getattr(value, name), default) for name, codec, default in each_field())
-        return {name: codec.said(part) for name, codec, part, default in parts if part != default}
+        found = {}
+        for name, (codec, default) in described().items():
+            part = getattr(value, name)
+            if part != default:
+                found[name] = codec.said(part)
+        return found
 
     def meant(said: Any, known: Known) -> Any:
-        codecs = {name: codec for name, codec, _ in each_field()}
-        return made(**{name: codecs[name].meant(part, known) for name, part in _a(dict, said).items()})
+        codecs = described()
+        return made(**{name: codecs[name][0].meant(part, known) for name, part in _a(dict, said).items()})
 
     return _Codec(said, meant)
 
