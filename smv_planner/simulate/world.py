@@ -116,6 +116,7 @@ class World:
         self._frozen: dict[str, list[bytes]] = {}
         self._carried = 0
         self._goals: dict[str, tuple[bytes, GoalMessage]] = {}
+        self._states: dict[str, tuple[bytes, StateMessage | Rejected]] = {}
         self._encoded: dict[tuple[str, str], tuple[GoalMessage, bytes]] = {}
         self._truth = self.truth()
         self._digest = blake2b(digest_size=16)
@@ -349,11 +350,17 @@ class World:
             self.become(name, after)
 
     def state_arrives(self, name: str, process: Process, arrival: Arrival) -> None:
-        decoded = decode_state(arrival.payload, self.station.interfaces[name])
+        decoded = self.decoded(name, arrival.payload)
         if not arrival.sound:
             self.thrown_away(decoded)
         elif isinstance(decoded, StateMessage):
             self.happen(Heard(self.at, decoded), process)
+
+    def decoded(self, name: str, payload: bytes) -> StateMessage | Rejected:
+        last = self._states.get(name)
+        if last is None or last[0] != payload:  # several processes hear the same, or one hears it twice
+            last = self._states[name] = payload, decode_state(payload, self.station.interfaces[name])
+        return last[1]
 
     # --- what may befall them
 
