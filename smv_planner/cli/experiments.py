@@ -8,7 +8,7 @@ import time
 from functools import cache
 from pathlib import Path
 
-from smv_planner import language
+from smv_planner import garbage, language
 from smv_planner.cli import outcome
 from smv_planner.simulate.experiments import Row, experiments, total
 from smv_planner.simulate.planning import planners
@@ -26,6 +26,7 @@ def add_experiments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(asked: argparse.Namespace) -> int:
+    garbage.look_seldom()
     found = cases(Path(asked.scenario), cache(language.load))
     warms_up = asked.engine in QUICK
     timed = planners(asked.engine, clock=time.perf_counter)

@@ -9,7 +9,7 @@ import shlex
 import sys
 from collections.abc import Sequence
 
-from smv_planner import __version__, language
+from smv_planner import __version__, garbage, language
 from smv_planner.api import DEFAULT_DEADLINE, DEFAULT_ENGINE, plan
 from smv_planner.cli import outcome
 from smv_planner.cli.progress import Progress
@@ -35,12 +35,8 @@ LONGEST_DEADLINE = 1e6
 """Seconds."""
 
 
-OBJECTS = 100_000
-"""How many objects are made before the garbage collector looks at them; of one question nearly all are needed to its end."""
-
-
 def main() -> int:
-    gc.set_threshold(OBJECTS)
+    garbage.look_seldom()
     code = outcome.run(command, sys.argv[1:])
     gc.freeze()  # nor are they looked at when the process ends
     return code

@@ -12,7 +12,7 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from smv_planner import language
+from smv_planner import garbage, language
 from smv_planner.cli import outcome
 from smv_planner.cli.question import settings
 from smv_planner.errors import Mistake, UsageError
@@ -139,6 +139,7 @@ class Watched:
 
 def run(asked: argparse.Namespace) -> int:
     _check(asked)
+    garbage.look_seldom()
     model, case = _case(asked)
     watched = Watched()
     playing, limit = _begun(asked, model, case, watched, _journal(asked))

@@ -15,7 +15,7 @@ import sys
 import time
 from typing import BinaryIO
 
-from smv_planner import api
+from smv_planner import api, garbage
 from smv_planner.daemon.second import Second
 from smv_planner.engines import ENGINES, Limits, auto
 from smv_planner.errors import EngineError
@@ -59,6 +59,7 @@ def main() -> None:
     job: Job = pickle.loads(_exactly(questions, size))
     if os.getppid() != job.parent:
         return
+    garbage.look_seldom()
     serve(job, questions, answers)
 
 

@@ -3,7 +3,7 @@
 `python -m tests.bench.campaign [SCENARIO ...] [--seeds N]`. *Cold* begins with a model just loaded and decides everything for
 the first time; what seeds have in common, the later ones find among what was decided (the hits). *Known* is the same seeds once
 more, when nothing is left to decide: what the station itself takes, with all its messages, journals and the observer.
-Processor time, so that others on the machine count little.
+Processor time, so that others on the machine count little, and garbage is looked for as seldom as `smv-planner simulate` does.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import time
 from collections.abc import Iterable
 
 import smv_planner as sp
-from smv_planner import api
+from smv_planner import api, garbage
 from smv_planner.runner.recovery import Planners
 from smv_planner.runner.situation import Station
 from smv_planner.simulate.answers import Memory
@@ -42,6 +42,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("scenarios", metavar="SCENARIO", nargs="*", default=list(STEPS))
     parser.add_argument("--seeds", metavar="N", type=int, default=SEEDS)
     asked = parser.parse_args(arguments)
+    garbage.look_seldom()
     met = True
     for scenario in asked.scenarios:
         model = sp.load(SCENARIOS / scenario / "model.yaml")

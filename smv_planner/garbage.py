@@ -1,0 +1,16 @@
+"""How often the garbage collector looks through what there is: seldom in a process that plans.
+
+What is learnt of a model stays with the process, and nearly all that a question makes is needed to its end; looking through
+it again and again finds little. Whose process it is decides, so this is for commands and not for the library.
+"""
+
+from __future__ import annotations
+
+import gc
+
+OBJECTS = 100_000
+"""How many more objects there have to be before it looks."""
+
+
+def look_seldom() -> None:
+    gc.set_threshold(OBJECTS)
