@@ -50,7 +50,7 @@ FOLDED = 20
 STATES_PER_PAIR = 4
 """How many states are looked at in the time in which relaxed reachability is set up for one action and one invariant."""
 
-GUIDED = 5_000
+GUIDED = 8_000
 """How many states are looked at where estimates say how far away the goals are."""
 
 QUICK = 4_000

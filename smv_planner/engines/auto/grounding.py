@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, reduce
 from itertools import product
+from math import prod
 from operator import or_
 
 from smv_planner.clock import look
@@ -294,6 +295,16 @@ def _actions(system: System, transition: Transition) -> Iterator[Action]:
 def alternatives(expr: Expr) -> tuple[Expr, ...]:
     """Parts of which one has to hold for `expr` to hold."""
     return tuple(negation(part) for part in conjuncts(expr, False))
+
+
+def dealt_out(clause: Expr) -> Iterator[Expr]:
+    """A clause as several of which each reads less, where some of its alternatives are conjunctions of a few parts."""
+    parts = [tuple(conjuncts(part)) for part in alternatives(clause)]
+    if prod(map(len, parts)) > DEALT_OUT:
+        yield clause
+    else:
+        for chosen in product(*parts):
+            yield disjunction(chosen)
 
 
 class Packing:

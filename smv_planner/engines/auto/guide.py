@@ -17,11 +17,11 @@ from math import prod
 from smv_planner.clock import Over, look
 from smv_planner.engines.auto.bounded import question
 from smv_planner.engines.auto.frames import numbered
-from smv_planner.engines.auto.grounding import DEALT_OUT, Action, Ground, Truth, alternatives
+from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives, dealt_out
 from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
 from smv_planner.engines.auto.search import Computed, Estimate, Tables
 from smv_planner.lazy import dataclass
-from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, disjunction, variables_of
+from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, variables_of
 from smv_planner.model.ltl import Both, Formula, Until
 from smv_planner.problem import Problem
 
@@ -198,12 +198,11 @@ class Ahead(dict[int, Ways]):
 
 @dataclass(frozen=True, slots=True)
 class Last:
-    """An action by which a goal may come to hold, what has to hold before it, and the variables that change until then."""
+    """An action by which a goal may come to hold, and what has to hold before it."""
 
     action: int
     target: tuple[Expr, ...]
     condition: Condition
-    names: frozenset[str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -225,6 +224,9 @@ class Case:
 
     besides: tuple[int, ...]
     patterns: tuple[Distances, ...]
+
+    def away(self, node: int, above: int) -> int:
+        return sum(distances[node & distances.part | above] for distances in self.patterns)
 
 
 class Together:
@@ -258,7 +260,7 @@ class Guide:
     def __init__(self, of: Ground, abstraction: Abstraction) -> None:
         self._of = of
         self._abstraction = abstraction
-        self._clauses = tuple(dict.fromkeys(part for clause in of.clauses for part in _dealt_out(clause)))
+        self._clauses = tuple(dict.fromkeys(part for clause in of.clauses for part in dealt_out(clause)))
         self._allowed = abstraction.condition(self._clauses)
         self._known: dict[object, Distances] = {}
         self._lasts: dict[object, list[tuple[int, tuple[Expr, ...], Condition]]] = {}
@@ -274,7 +276,8 @@ class Guide:
             towards = self._goal(goal.predicate, 1 << numbers[id(until)] | 1 << numbers[id(formula)], support)
             if towards is not None:
                 found.append(towards)
-        estimates = [self._together(goals, support) for goals in _few(found)]
+        initial = self._of.packing.pack(problem.initial)
+        estimates = [self._together(goals, support, initial) for goals in _few(found)]
         return _farthest(estimates) if estimates else None
 
     def _goal(self, predicate: Expr, until: int, support: Support) -> Towards | None:
@@ -282,9 +285,8 @@ class Guide:
         names = of.reads(predicate)
         lasts = []
         for action, target, condition in self._last(predicate, support.taken):
-            changed = support.changed(condition)
-            if changed is not None:
-                lasts.append(Last(action, target, condition, changed))
+            if support.changed(condition, closely=False) is not None:
+                lasts.append(Last(action, target, condition))
         if not 0 < len(lasts) <= CASES:
             return None
         ordered = sorted(names, key=of.packing.order.__getitem__)
@@ -311,15 +313,20 @@ class Guide:
                         if condition is not None:
                             yield at, (*target, *self._abstraction.written(condition)), condition
 
-    def _together(self, goals: Sequence[Towards], support: Support) -> Together:
-        cases = [self._case(lasts, support) for lasts in product(*(goal.lasts for goal in goals))]
+    def _together(self, goals: Sequence[Towards], support: Support, initial: int) -> Together:
+        cases = [self._case(lasts, support, initial) for lasts in product(*(goal.lasts for goal in goals))]
         different = {(case.besides, *map(id, case.patterns)): case for case in cases}
         return Together(goals, tuple(different.values()), self._of.packing.width)
 
-    def _case(self, lasts: tuple[Last, ...], support: Support) -> Case:
-        names = frozenset().union(*(last.names for last in lasts), *_in_turn(lasts, support))
+    def _case(self, lasts: tuple[Last, ...], support: Support, initial: int) -> Case:
+        """Of two ways to say which variables change the one by which the goals are farther away in the beginning."""
+        everything = (1 << len(lasts)) - 1 << self._of.packing.width
+        cases = [self._case_of(lasts, _changed(lasts, support, closely), support.taken) for closely in (False, True)]
+        return max(cases, key=lambda case: case.away(initial, everything))
+
+    def _case_of(self, lasts: tuple[Last, ...], names: frozenset[str], taken: tuple[int, ...]) -> Case:
         targets = tuple(last.target for last in lasts)
-        key = tuple(last.action for last in lasts), targets, names, support.taken
+        key = tuple(last.action for last in lasts), targets, names, taken
         if key not in self._cases:
             if len(self._cases) == GOALS:
                 self._cases.clear()
@@ -328,7 +335,7 @@ class Guide:
                 max(1, len({action for at, action in enumerate(free) if still >> at & 1 and action is not None}))
                 for still in range(1 << len(lasts))
             ]
-            self._cases[key] = Case(tuple(besides), tuple(self._distances(targets, names, support.taken)))
+            self._cases[key] = Case(tuple(besides), tuple(self._distances(targets, names, taken)))
         return self._cases[key]
 
     def _distances(self, targets: Sequence[tuple[Expr, ...]], names: frozenset[str], taken: Sequence[int]) -> Iterator[Distances]:
@@ -367,12 +374,12 @@ class Guide:
             patterns = _joined(patterns, most[1] | most[2])
 
 
-def _in_turn(lasts: Iterable[Last], support: Support) -> Iterator[frozenset[str]]:
-    """The variables that change on the way from one goal to another."""
+def _changed(lasts: Sequence[Last], support: Support, closely: bool) -> frozenset[str]:
+    """The variables that change until one of the last actions, or on the way from one goal to another."""
+    changed = [support.changed(last.condition, closely) for last in lasts]
     for one, other in permutations(lasts, 2):
-        changed = support.changed(other.condition, support.after(one.condition, one.action))
-        if changed is not None:
-            yield changed
+        changed.append(support.changed(other.condition, closely, support.after(one.condition, one.action)))
+    return frozenset().union(*(names for names in changed if names is not None))
 
 
 def _few(goals: Iterable[Towards]) -> Iterator[list[Towards]]:
@@ -413,16 +420,6 @@ def _split(parts: tuple[Expr, ...]) -> Iterator[tuple[Expr, ...]]:
                 yield (*parts[:at], *conjuncts(way), *parts[at + 1 :])
             return
     yield parts
-
-
-def _dealt_out(clause: Expr) -> Iterator[Expr]:
-    """A clause as several of which each reads less, where some of its alternatives are conjunctions of a few parts."""
-    parts = [tuple(conjuncts(part)) for part in alternatives(clause)]
-    if prod(map(len, parts)) > DEALT_OUT:
-        yield clause
-    else:
-        for chosen in product(*parts):
-            yield disjunction(chosen)
 
 
 def _joined(patterns: list[frozenset[str]], names: Iterable[str]) -> list[frozenset[str]]:

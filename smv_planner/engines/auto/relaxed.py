@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from itertools import product
 
 from smv_planner.clock import look
-from smv_planner.engines.auto.grounding import Ground, union
+from smv_planner.engines.auto.grounding import Ground, dealt_out, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -40,6 +40,9 @@ from smv_planner.problem import Problem, Relaxed
 
 EXPRESSIONS = 100_000
 """How many expressions may be kept compiled."""
+
+LATEST = 1 << 30
+"""More values than come about."""
 
 MASKS = 64
 """How many masks one condition may become."""
@@ -115,12 +118,14 @@ class Abstraction:
             width += len(values)
         self._lows = sum(1 << low for low in self._low)
         self._ends = self._lows & ~1 | 1 << width
+        self._of = of
         self._reads = of.reads
         self._compiled: dict[int, tuple[Expr, Values]] = of.shared.compiled
         self._hit: dict[int, tuple[Expr, tuple[Sets, ...] | None]] = of.shared.hit
         self._held: dict[tuple[int, bool], tuple[Expr, Callable[[Sets], bool]]] = of.shared.held
         self._parts: dict[tuple[int, bool], tuple[Expr, list[Sets] | None]] = {}
         self._asked_of: dict[int, tuple[Expr, Condition]] = {}
+        self._needs: dict[int, tuple[Sets, ...]] = {}
         self.assigned = tuple(action.assigned for action in of.actions)
         self._hits: dict[Sets, Hits] = {}  # by what has to be hit
         self.actions = tuple(
@@ -149,6 +154,14 @@ class Abstraction:
                     mask = field
                 masks.setdefault(mask)
         return Condition(narrow, tuple(masks), tuple(others))
+
+    def needs(self, at: int) -> tuple[Sets, ...]:
+        """What has to be hit for an action, as closely as it can be said: whatever is a conjunction is dealt out."""
+        if at not in self._needs:
+            action = self._of.actions[at]
+            parts = (*action.conditions, *self._of.keeps[at])
+            self._needs[at] = tuple(self.condition(each for part in parts for each in dealt_out(part)).to_hit())
+        return self._needs[at]
 
     def asked(self, predicate: Expr) -> Condition:
         """What a predicate asks of an allowed state."""
@@ -464,42 +477,47 @@ class Support:
     taken: tuple[int, ...]
     first: Mapping[Sets, tuple[int, int]]
 
-    def changed(self, condition: Condition, begin: Sets | None = None) -> frozenset[str] | None:
+    def changed(self, condition: Condition, closely: bool, begin: Sets | None = None) -> frozenset[str] | None:
         """The variables that a plan that loses nothing changes until a condition holds; None if it cannot.
 
-        It begins where the question does, or with the values of `begin`.
+        It begins where the question does, or with the values of `begin`. Looked at `closely`, an action's conjunctions are
+        dealt out, and what it needs has to come about before what it brings about.
         """
-        names, actions = self.abstraction.names, self.abstraction.actions
-        known = self.begin if begin is None else begin
+        names = self.abstraction.names
+        begin = self.begin if begin is None else begin
+        known: dict[Sets, int] = {}
         changed: set[str] = set()
-        waiting = [*condition.to_hit()]
+        waiting = [(mask, LATEST) for mask in condition.to_hit()]
         while waiting:
-            mask = waiting.pop()
-            if mask & known:
+            mask, latest = waiting.pop()
+            if mask & begin or any(bit & mask and (rank < latest or not closely) for bit, rank in known.items()):
                 continue
-            bit, at = self._brought_about(mask)
+            bit, rank, at = self._brought_about(mask)
             if not bit:
                 return None
-            known |= bit
+            if bit in known:  # begun elsewhere, it may be late, and is enough all the same
+                continue
+            known[bit] = rank
             name = names[self.abstraction.variable(bit)]
             changed.add(name)
-            waiting += actions[at].masks
+            needs = self.abstraction.needs(at) if closely else self.abstraction.actions[at].masks
+            waiting += [(needed, rank) for needed in needs]
             value = self.abstraction.assigned[at].get(name)
             if isinstance(value, Var):
-                waiting.append(self.abstraction.same(bit, value.name))
+                waiting.append((self.abstraction.same(bit, value.name), rank))
         return frozenset(changed)
 
-    def _brought_about(self, mask: Sets) -> tuple[Sets, int]:
-        """The first of some values to come about, and by which action; none if they never do."""
+    def _brought_about(self, mask: Sets) -> tuple[Sets, int, int]:
+        """The first of some values to come about, how many did so before, and by which action; none if they never do."""
         reached = mask & self.sets & ~self.begin
         if reached:
             bit = min(each_bit(reached), key=self.first.__getitem__)
-            return bit, self.first[bit][1]
+            return bit, *self.first[bit]
         for at in self.taken:
             again = self.abstraction.actions[at].constant & mask
             if again:
-                return again & -again, at
-        return 0, 0
+                return again & -again, LATEST, at
+        return 0, 0, 0
 
     def after(self, condition: Condition, action: int) -> Sets:
         """The values that variables may have when an action is taken while a condition holds."""
