@@ -22,9 +22,10 @@ FOUND = (
     ("assembly_station", 1288),
     ("assembly_station", 1318),
     ("assembly_station", 1496),
+    ("assembly_station", 1933),
     ("nutrunner", 33),
 )
-"""Seeds of long campaigns that showed a mistake, of the runner or of who watches it."""
+"""Seeds of long campaigns that showed a mistake, of the runner, of who watches it or of the model."""
 
 
 @pytest.mark.parametrize("first", [0, 20])
