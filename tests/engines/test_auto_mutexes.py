@@ -219,6 +219,7 @@ def test_a_warm_answer_is_a_cold_answer_on_every_way(kind: str, monkeypatch: pyt
     monkeypatch.setattr(auto, "SOME", 1)
     monkeypatch.setattr(auto, "FEW", 1)
     monkeypatch.setattr(auto, "MANY", 0)
+    monkeypatch.setattr(auto, "GLANCED", 0)
     monkeypatch.setattr(auto, "GUIDED", 0)
     ways: Counter[str] = Counter()
     for questions in SEQUENCES[kind]:

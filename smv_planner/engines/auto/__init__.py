@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Iterator
+from functools import cache
 from typing import TYPE_CHECKING
 
 from smv_planner.clock import Over, watched
@@ -34,6 +35,7 @@ from smv_planner.problem import (
 
 if TYPE_CHECKING:
     from smv_planner.engines import Limits
+    from smv_planner.engines.auto.symmetry import Fold
 
 FEW = 2_000
 """How many states are looked at before relaxed reachability is tried: most plans are found sooner than it is set up."""
@@ -50,8 +52,14 @@ FOLDED = 20
 STATES_PER_PAIR = 4
 """How many states are looked at in the time in which relaxed reachability is set up for one action and one invariant."""
 
+GLANCED = 400
+"""How many states are looked at where quick estimates say how far away the goals are."""
+
 GUIDED = 8_000
-"""How many states are looked at where estimates say how far away the goals are."""
+"""The same where estimates are better, and take longer to set up."""
+
+STRIDE = 2
+"""By how many steps at least the next look reaches farther. The first hit is a shortest plan in any case."""
 
 QUICK = 4_000
 """Up to how many facts times actions pairwise mutexes take a few milliseconds. Else as many states are looked at first."""
@@ -199,11 +207,11 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     hard, states = warm.hard(ground), means.states
     tables.trim(means.memory // BYTES_PER_NODE // 4)
     search = Search(tables, problem)
-    searching, fold = search.explore(), None
+    searching = search.explore()
     found = _search(searching, problem, min(SOME if hard else FEW, states), means)
     if isinstance(found, Reached):
         return replace(found, argument=SEARCHED)
-    from smv_planner.engines.auto.guide import NEVER
+    from smv_planner.engines.auto.patterns import NEVER
     from smv_planner.engines.auto.relaxed import out_of_reach
 
     if isinstance(found, Paused | Ended):
@@ -211,12 +219,18 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         part = warm.parts(ground).needed(problem)
         if part:
             return by_parts(problem, warm, [part], means)
-    if _goes_on(found, problem, states):
-        fold = warm.symmetries(ground).fold(problem)
-    folds = fold is not None and fold.alike >= ALIKE
-    patience = min(FEW if folds else max(FEW, len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR), states)
-    if not hard and _goes_on(found, problem, patience):
-        found = _search(searching, problem, patience, means)
+
+    @cache
+    def folding() -> Fold | None:
+        return warm.symmetries(ground).fold(problem)
+
+    @cache
+    def patience() -> int:
+        work = len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR
+        return min(FEW if _many_alike(folding()) else max(FEW, work), states)
+
+    if not hard and _goes_on(found, problem, states) and _goes_on(found, problem, patience()):
+        found = _search(searching, problem, patience(), means)
     if isinstance(found, Paused | Ended):
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
@@ -228,19 +242,19 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
             return apart
     least = found.depth if isinstance(found, Paused) else 0
     if _goes_on(found, problem, states):
-        guided = _guided(search, warm, ground, means.on_time)
+        guided = _guided(search, warm, ground, lambda: not _many_alike(folding()), means.on_time)
         if not isinstance(guided, int):
             return guided
         if guided < NEVER:  # that there is no way at all remains to be proved
             least = max(least, guided)
-    if _goes_on(found, problem, patience) and least <= problem.bound:
-        found = _search(searching, problem, patience, means)
-    if not (_goes_on(found, problem, states) and least <= problem.bound):
-        fold = None
+    if _goes_on(found, problem, states) and _goes_on(found, problem, patience()) and least <= problem.bound:
+        found = _search(searching, problem, patience(), means)
+    fold = folding() if _goes_on(found, problem, states) and least <= problem.bound else None
     if fold is not None:
         searching = search.explore(fold)
-        states = min(states * (FOLDED if folds else 1), means.memory // BYTES_PER_NODE)
-        effort *= LASTING if folds else 1
+        if _many_alike(fold):
+            states = min(states * FOLDED, means.memory // BYTES_PER_NODE)
+            effort *= LASTING
     alike = 1 if fold is None else FOLDED
     if _goes_on(found, problem, states) and least <= problem.bound:
         found = _search(searching, problem, min(effort, states), means)
@@ -269,28 +283,45 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     return found
 
 
-def _guided(search: Search, warm: Session, ground: Ground, on_time: OnTime) -> Reached | Late | int:
-    """Search among states from which the goals may be near enough, if few are. A number says how many steps are needed."""
-    problem = search.problem
-    estimate = warm.guide(ground).estimate(problem)
-    if estimate is None:
-        return 0
-    remaining = search.remaining(estimate)
-    limit = estimate(ground.packing.pack(problem.initial), -1)
-    left = GUIDED
-    while limit <= problem.bound:
-        found: Reached | Ended | Paused = Paused(limit, 0)
-        for found in search.explore(within=(remaining, limit)):
-            match found:
-                case Reached():
-                    return replace(found, argument=NEAR)
-                case Paused(depth, number) if number > left:
-                    return limit
-                case Paused(depth, number) if not on_time(f"{number} states, {depth} steps deep"):
-                    return Late(limit)
-        assert isinstance(found, Paused)
-        limit, left = found.depth, left - found.number
-    return limit
+def _many_alike(fold: Fold | None) -> bool:
+    return fold is not None and fold.alike >= ALIKE
+
+
+def _guided(search: Search, warm: Session, ground: Ground, wide: Callable[[], bool], on_time: OnTime) -> Reached | Late | int:
+    """Search among states from which the goals may be near enough, if few are. A number says how many steps are needed.
+
+    Where a quick estimate was not enough, a `wide` one is asked at once the next time.
+    """
+    problem, guide = search.problem, warm.guide(ground)
+    question = problem.goals, search.usable
+    least = 0
+    for widely, left in ((False, GLANCED), (True, GUIDED)):
+        if guide.far(question) if not widely else not wide():
+            continue
+        estimate = guide.estimate(problem, widely)
+        if estimate is None:
+            return 0
+        remaining = search.remaining(estimate)
+        least = limit = max(least, estimate(ground.packing.pack(problem.initial), -1))
+        while left > 0 and least <= problem.bound:
+            found: Reached | Ended | Paused = Paused(least, 0)
+            for found in search.explore(within=(remaining, limit)):
+                match found:
+                    case Reached():
+                        return replace(found, argument=NEAR)
+                    case Paused(depth, number) if number > left:
+                        break
+                    case Paused(depth, number) if not on_time(f"{number} states, {depth} steps deep"):
+                        return Late(least)
+            assert isinstance(found, Paused)
+            if found.number <= left:
+                least = found.depth
+                limit = max(least, limit + STRIDE)
+            left -= found.number
+        if least > problem.bound:
+            break
+        guide.was_far(question)
+    return least
 
 
 def _apart(

@@ -1,11 +1,13 @@
-"""How far away a goal is at least: distances in small parts of the system, looked up while the search goes on.
+"""How far away goals are at least: looked up while the search goes on, to leave out what is too far for a plan.
 
 The last step before a goal is met is taken by one of a few actions; what it needs is looked at one action at a time. For
-each, a plan that loses nothing (a relaxed plan) tells which variables have to change. They are split into patterns of
-which every action changes one at most, so that the steps needed in each add up, and a pattern's distances are found by
-searching it alone, whatever all other variables are (pattern databases: Culberson and Schaeffer 1998, Felner and others
-2004). Everything left out makes steps possible, never impossible; so no distance is overestimated. A few goals are looked
-at together: a pattern has to come by what each of them needs, in any order.
+each, a plan that loses nothing (a relaxed plan) tells which variables have to change. They are split into patterns, and the
+steps needed in each add up (additive pattern databases: Felner and others 2004). A few goals are looked at together: a
+pattern has to come by what each of them needs.
+
+A quick estimate has small patterns, in which variables belong together of which many conditions speak. A wide one has
+large patterns, of variables that change so that others can; it looks at the goals in every order, and at parts of a goal
+that have to come about before it.
 """
 
 from __future__ import annotations
@@ -14,34 +16,31 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, permutations, product
 from math import prod
 
-from smv_planner.clock import Over, look
 from smv_planner.engines.auto.bounded import question
 from smv_planner.engines.auto.frames import numbered
-from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives, dealt_out
-from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
-from smv_planner.engines.auto.search import Computed, Estimate, Tables
+from smv_planner.engines.auto.grounding import Action, Ground, Truth, alternatives, dealt_out, union
+from smv_planner.engines.auto.patterns import NEVER, Distances, Order, Pattern
+from smv_planner.engines.auto.relaxed import Abstraction, Condition, Link, Support
+from smv_planner.engines.auto.search import Estimate
 from smv_planner.lazy import dataclass
-from smv_planner.model.expressions import FALSE, And, Const, Expr, conjuncts, variables_of
+from smv_planner.model.expressions import FALSE, And, Expr, conjuncts
 from smv_planner.model.ltl import Both, Formula, Until
 from smv_planner.problem import Problem
-
-NEVER = 1 << 20
-"""A distance that no plan has."""
 
 CASES = 12
 """How many actions may come last for a guide to be worth while."""
 
 BITS = 15
-"""How many bits of a state a pattern has at most, unless some action changes more."""
+"""How many bits of a state a small pattern has at most, unless some action changes more."""
 
 BITS_PER_GOAL = 2
 """How many more it may have for each other goal that is looked at together with the first."""
 
-STATES = 20_000
-"""How many states of a pattern are looked at; where there are more, it says nothing."""
+WIDE = 19
+"""How many bits a large pattern has at most."""
 
 TOGETHER = 3
-"""How many goals are looked at together."""
+"""How many goals and parts of goals are looked at together."""
 
 ALTERNATIVES = 4
 """How many alternatives of what a last action needs are looked at apart."""
@@ -53,150 +52,7 @@ GOALS = 1000
 """For how many goals is kept what their distances are made of."""
 
 
-class Distances(dict[int, int]):
-    """How many steps that change a pattern are needed at least until each of some targets may have been met once.
-
-    Looked up by the bits of the pattern, and above them a bit for each target that is still to be met.
-    """
-
-    def __init__(
-        self,
-        of: Ground,
-        clauses: Iterable[Expr],
-        pattern: frozenset[str],
-        actions: Iterable[Action],
-        targets: Sequence[Iterable[Expr]],
-    ) -> None:
-        super().__init__()
-        self.part = of.packing.mask(pattern)
-        self._width = of.packing.width
-        within = [piece for action in actions for piece in _within(of, action, pattern)]
-        last = [Action(of.actions[0].transition, tuple(target), {}) for target in targets]
-        allowed = tuple(clause for clause in clauses if of.reads(clause) <= pattern)
-        self._tables = Freely(Ground(of.system, (*within, *last), allowed, of.shared), len(last))
-        self._together = range(1, 1 << len(last))
-        self._following: dict[int, tuple[int, ...]] = {}
-        self._met: list[tuple[int, int]] = []
-
-    def __missing__(self, key: int) -> int:
-        try:
-            self._explore(key & self.part)
-        except Over:  # what is half explored would seem to lead nowhere
-            self._following.clear()
-            self._met.clear()
-            raise
-        if len(self._following) > STATES:
-            return 0
-        self._measure()
-        return self[key]
-
-    def _explore(self, start: int) -> None:
-        """Add what can follow on a state of the pattern."""
-        following, ahead = self._following, self._tables.ahead
-        views = [(view.part, view) for view in self._tables.views]
-        waiting = [start]
-        while waiting and len(following) <= STATES:
-            node = waiting.pop()
-            if node in following:
-                continue
-            if len(following) % 1024 == 0:
-                look()
-            mask = self._tables.full
-            for part, view in views:
-                mask &= view[node & part]
-            met, fixed, computed = ahead[mask]
-            found = [node & keep | put for keep, put in fixed]
-            for keep, worth in computed:
-                found.append(node & keep | worth[node & worth.part])
-            following[node] = tuple(found)  # unlike a list, soon nothing to the garbage collector
-            if met:
-                self._met.append((node, met))
-            waiting += found
-
-    def size(self) -> int:
-        return len(self._following)
-
-    def _measure(self) -> None:
-        before: dict[int, list[int]] = {}
-        for node, following in self._following.items():
-            for after in following:
-                before.setdefault(after, []).append(node)
-        for still in self._together:  # a set of targets comes after the smaller ones in it
-            above = still << self._width
-            self.update(dict.fromkeys([node | above for node in self._following], NEVER))
-            self._spread(above, self._nearest(still), before)
-
-    def _nearest(self, still: int) -> dict[int, list[int]]:
-        """Where one of the targets is met, by how many steps all others then take."""
-        nearest: dict[int, list[int]] = {}
-        for node, met in self._met:
-            if met & still:
-                left = still & ~met
-                nearest.setdefault(self[node | left << self._width] if left else 0, []).append(node)
-        nearest.pop(NEVER, None)
-        return nearest
-
-    def _spread(self, above: int, nearest: dict[int, list[int]], before: Mapping[int, list[int]]) -> None:
-        """Set distances from what is near to what is farther away."""
-        distance = 0
-        while nearest:
-            waiting = nearest.pop(distance, ())
-            distance += 1
-            farther = nearest.get(distance, [])
-            for node in waiting:
-                if self[node | above] >= distance:
-                    self[node | above] = distance - 1
-                    farther += before.get(node, ())
-            if farther:
-                nearest[distance] = farther
-
-
-def _within(of: Ground, action: Action, pattern: frozenset[str]) -> Iterator[Action]:
-    """What an action does to a pattern. Where that depends on other variables, it may do anything."""
-    assigned = {name: value for name, value in action.assigned.items() if name in pattern}
-    if assigned:
-        open_ = [name for name, value in assigned.items() if not variables_of(value) <= pattern]
-        conditions = tuple(part for part in action.conditions if of.reads(part) <= pattern)
-        for values in product(*(of.system.domains[name].values for name in open_)):
-            chosen = {name: Const(value) for name, value in zip(open_, values, strict=True)}
-            yield Action(action.transition, conditions, {**assigned, **chosen})
-
-
-class Freely(Tables):
-    """Moves where automatic actions have no priority. The last few do nothing: if one is enabled, a target is met."""
-
-    def __init__(self, of: Ground, targets: int) -> None:
-        super().__init__(of)
-        self.ahead = Ahead(self, targets)
-
-
-Ways = tuple[int, list[tuple[int, int]], list[tuple[int, Computed]]]
-
-
-class Ahead(dict[int, Ways]):
-    """By the mask that the views leave: which targets are met, and the moves."""
-
-    def __init__(self, tables: Freely, targets: int) -> None:
-        super().__init__()
-        self._tables = tables
-        self._moves = tables.moves[: len(tables.moves) - targets]
-
-    def __missing__(self, mask: int) -> Ways:
-        tables = self._tables
-        left = tables.needed(mask)
-        met, chosen = 0, []
-        if left & tables.allowed:
-            met = (left & tables.allowed - 1) >> len(self._moves)
-            chosen = [move for move in self._moves if left >> move.action & 1]
-        self[mask] = (
-            met,
-            [(move.keep, move.put) for move in chosen if move.computed is None],
-            [(move.keep, move.computed) for move in chosen if move.computed is not None],
-        )
-        return self[mask]
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Last:
     """An action by which a goal may come to hold, and what has to hold before it."""
 
@@ -207,12 +63,16 @@ class Last:
 
 @dataclass(frozen=True, slots=True)
 class Towards:
-    """A goal as far as it can be said what comes before it: for as long as all of `until` is owed and the goal does not hold."""
+    """A goal as far as it can be said what comes before it: for as long as all of `until` is owed and the goal does not hold.
+
+    A part of a goal comes `before` that, whose number it has among those that are looked at together.
+    """
 
     until: int
     part: int
     holds: Truth
     lasts: tuple[Last, ...]
+    before: int | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -232,10 +92,11 @@ class Case:
 class Together:
     """How many steps there are at least before all of a few goals have been met that are still owed."""
 
-    def __init__(self, goals: Sequence[Towards], cases: Sequence[Case], width: int) -> None:
+    def __init__(self, goals: Sequence[Towards], cases: Iterable[Case], width: int) -> None:
         self._goals = [(1 << at, goal.until, goal.part, goal.holds) for at, goal in enumerate(goals)]
-        self._cases = [(case.besides, [(each.part, each) for each in case.patterns]) for case in cases]
+        self._cases = tuple(cases)
         self._width = width
+        self._left: dict[int, tuple[int, list[tuple[int, list[tuple[int, Distances]]]]]] = {}
 
     def __call__(self, node: int, owed: int) -> int:
         still = 0
@@ -244,14 +105,27 @@ class Together:
                 still |= bit
         if not still:
             return 0
-        least, above = NEVER, still << self._width
-        for besides, patterns in self._cases:
-            steps = besides[still]
+        if still not in self._left:
+            self._left[still] = still << self._width, self._of(still)
+        above, cases = self._left[still]
+        least = NEVER
+        for steps, patterns in cases:
             for part, distances in patterns:
                 steps += distances[node & part | above]
             if steps < least:
                 least = steps
         return least
+
+    def _of(self, still: int) -> list[tuple[int, list[tuple[int, Distances]]]]:
+        """The cases as far as they differ by what they say of some goals."""
+        different = {
+            (case.besides[still], *(each.about(still) for each in case.patterns)): (
+                case.besides[still],
+                [(each.part, each) for each in case.patterns],
+            )
+            for case in self._cases
+        }
+        return list(different.values())
 
 
 class Guide:
@@ -262,11 +136,22 @@ class Guide:
         self._abstraction = abstraction
         self._clauses = tuple(dict.fromkeys(part for clause in of.clauses for part in dealt_out(clause)))
         self._allowed = abstraction.condition(self._clauses)
-        self._known: dict[object, Distances] = {}
-        self._lasts: dict[object, list[tuple[int, tuple[Expr, ...], Condition]]] = {}
+        self._patterns: dict[object, Pattern] = {}
+        self._distances: dict[object, Distances] = {}
+        self._lasts: dict[object, tuple[Last, ...]] = {}
         self._cases: dict[object, Case] = {}
+        self._far: set[object] = set()
 
-    def estimate(self, problem: Problem) -> Estimate | None:
+    def far(self, question: object) -> bool:
+        """Whether a quick estimate was not enough for a question."""
+        return question in self._far
+
+    def was_far(self, question: object) -> None:
+        if len(self._far) == GOALS:
+            self._far.clear()
+        self._far.add(question)
+
+    def estimate(self, problem: Problem, widely: bool) -> Estimate | None:
         """How far away a problem's goals are; None if nothing useful is known."""
         support = self._abstraction.support(problem.initial, self._of.usable(problem.unusable))
         formula = question(problem)
@@ -275,33 +160,45 @@ class Guide:
         for goal, until in zip(problem.goals, each_of(formula), strict=True):
             towards = self._goal(goal.predicate, 1 << numbers[id(until)] | 1 << numbers[id(formula)], support)
             if towards is not None:
-                found.append(towards)
+                found.append((goal.predicate, towards))
         initial = self._of.packing.pack(problem.initial)
-        estimates = [self._together(goals, support, initial) for goals in _few(found)]
+        estimates = []
+        for goals in _few(found):
+            together = [each for _, each in goals] + (self._parts(goals, support) if widely else [])
+            cases = self._all_cases(together, support, initial, widely)
+            estimates.append(Together(together, cases, self._of.packing.width))
         return _farthest(estimates) if estimates else None
 
-    def _goal(self, predicate: Expr, until: int, support: Support) -> Towards | None:
+    def _goal(self, predicate: Expr, until: int, support: Support, before: int | None = None) -> Towards | None:
         of = self._of
-        names = of.reads(predicate)
-        lasts = []
-        for action, target, condition in self._last(predicate, support.taken):
-            if support.changed(condition, closely=False) is not None:
-                lasts.append(Last(action, target, condition))
+        lasts = tuple(last for last in self._last(predicate, support.taken) if support.may_hold(last.condition))
         if not 0 < len(lasts) <= CASES:
             return None
-        ordered = sorted(names, key=of.packing.order.__getitem__)
-        return Towards(until, of.packing.mask(names), of.shared.truth(predicate, ordered), tuple(lasts))
+        names = of.reads(predicate)
+        truth = of.shared.truth(predicate, sorted(names, key=of.packing.order.__getitem__))
+        return Towards(until, of.packing.mask(names), truth, lasts, before)
 
-    def _last(self, predicate: Expr, taken: tuple[int, ...]) -> list[tuple[int, tuple[Expr, ...], Condition]]:
-        """What has to hold before the step that makes a predicate true, for each way, and which action that is."""
+    def _parts(self, goals: Sequence[tuple[Expr, Towards]], support: Support) -> list[Towards]:
+        """Parts of goals that only one action brings about. While a goal is owed and does not hold, they come before it."""
+        parts: list[Towards] = []
+        for number, (predicate, goal) in enumerate(goals):
+            wanted = tuple(conjuncts(predicate))
+            for part in wanted if len(wanted) > 1 else ():
+                towards = self._goal(part, goal.until, support, number)
+                if towards is not None and len(towards.lasts) == 1 and len(goals) + len(parts) < TOGETHER:
+                    parts.append(towards)
+        return parts
+
+    def _last(self, predicate: Expr, taken: tuple[int, ...]) -> tuple[Last, ...]:
+        """Each way to make a predicate true: which action does, and what has to hold before."""
         key = predicate, taken
         if key not in self._lasts:
             if len(self._lasts) == GOALS:
                 self._lasts.clear()
-            self._lasts[key] = list(self._ways(predicate, taken))
+            self._lasts[key] = tuple(self._ways(predicate, taken))
         return self._lasts[key]
 
-    def _ways(self, predicate: Expr, taken: tuple[int, ...]) -> Iterator[tuple[int, tuple[Expr, ...], Condition]]:
+    def _ways(self, predicate: Expr, taken: tuple[int, ...]) -> Iterator[Last]:
         names, wanted = self._of.reads(predicate), tuple(conjuncts(predicate))
         for at in taken:
             action = self._of.actions[at]
@@ -311,54 +208,77 @@ class Guide:
                     if FALSE not in target:
                         condition = self._abstraction.forced(self._abstraction.condition(target), self._allowed)
                         if condition is not None:
-                            yield at, (*target, *self._abstraction.written(condition)), condition
+                            yield Last(at, (*target, *self._abstraction.written(condition)), condition)
 
-    def _together(self, goals: Sequence[Towards], support: Support, initial: int) -> Together:
-        cases = [self._case(lasts, support, initial) for lasts in product(*(goal.lasts for goal in goals))]
-        different = {(case.besides, *map(id, case.patterns)): case for case in cases}
-        return Together(goals, tuple(different.values()), self._of.packing.width)
+    def _all_cases(self, goals: Sequence[Towards], support: Support, initial: int, widely: bool) -> list[Case]:
+        """For each choice of last actions the better of two ways to say what changes, if a plan may be like that."""
+        orders = tuple(_orders(goals)) if widely else ((0,) * len(goals),)
+        whole = sum(goal.before is None for goal in goals)
+        missing = [not goal.holds[initial & goal.part] for goal in goals]
+        above = union(1 << at for at, each in enumerate(missing) if each or not any(missing)) << self._of.packing.width
+        cases = []
+        for lasts in product(*(goal.lasts for goal in goals)):
+            ways = [_links(lasts[:whole], support, closely) for closely in (False, True)]
+            threads = dict.fromkeys(_threads(lasts, links, support) if widely else (_names(links),) for links in ways)
+            for order in orders:
+                found = [self._case(lasts, order, each, support.taken, widely) for each in threads]
+                cases.append(max((case.away(initial, above), -at, case) for at, case in enumerate(found)))
+        possible = [case for away, _, case in cases if away < NEVER]
+        return possible or [case for _, _, case in cases]
 
-    def _case(self, lasts: tuple[Last, ...], support: Support, initial: int) -> Case:
-        """Of two ways to say which variables change the one by which the goals are farther away in the beginning."""
-        everything = (1 << len(lasts)) - 1 << self._of.packing.width
-        cases = [self._case_of(lasts, _changed(lasts, support, closely), support.taken) for closely in (False, True)]
-        return max(cases, key=lambda case: case.away(initial, everything))
-
-    def _case_of(self, lasts: tuple[Last, ...], names: frozenset[str], taken: tuple[int, ...]) -> Case:
-        targets = tuple(last.target for last in lasts)
-        key = tuple(last.action for last in lasts), targets, names, taken
+    def _case(
+        self, lasts: tuple[Last, ...], order: Order, threads: tuple[frozenset[str], ...], taken: tuple[int, ...], widely: bool
+    ) -> Case:
+        key = lasts, order, threads, taken, widely
         if key not in self._cases:
             if len(self._cases) == GOALS:
                 self._cases.clear()
+            names, masks = frozenset().union(*threads), self._of.packing.masks
+            actions = {at: self._of.actions[at] for at in taken if not names.isdisjoint(self._of.actions[at].assigned)}
+            patterns: list[frozenset[str]] = []
+            for thread in threads:
+                if widely and sum(masks[name].bit_count() for name in thread) <= WIDE:
+                    patterns.append(thread)
+                else:
+                    patterns += self._split(thread, actions, BITS if widely else BITS + BITS_PER_GOAL * (len(lasts) - 1))
             free = [last.action if names.isdisjoint(self._of.actions[last.action].assigned) else None for last in lasts]
             besides = [
                 max(1, len({action for at, action in enumerate(free) if still >> at & 1 and action is not None}))
                 for still in range(1 << len(lasts))
             ]
-            self._cases[key] = Case(tuple(besides), tuple(self._distances(targets, names, taken)))
+            self._cases[key] = Case(tuple(besides), tuple(self._distances_in(patterns, lasts, order, actions)))
         return self._cases[key]
 
-    def _distances(self, targets: Sequence[tuple[Expr, ...]], names: frozenset[str], taken: Sequence[int]) -> Iterator[Distances]:
-        actions = [(at, self._of.actions[at]) for at in taken if not names.isdisjoint(self._of.actions[at].assigned)]
-        for pattern in self._patterns(names, [action for _, action in actions], BITS + BITS_PER_GOAL * (len(targets) - 1)):
-            within = [(at, action) for at, action in actions if not pattern.isdisjoint(action.assigned)]
-            asked = [frozenset(part for part in target if self._of.reads(part) <= pattern) for target in targets]
-            key = pattern, tuple(asked), tuple(at for at, _ in within)
-            if key not in self._known:
-                if sum(distances.size() for distances in self._known.values()) > KEPT:
-                    self._known.clear()
-                    self._cases.clear()
-                self._known[key] = Distances(self._of, self._clauses, pattern, [action for _, action in within], asked)
-            yield self._known[key]
+    def _distances_in(
+        self, patterns: Sequence[frozenset[str]], lasts: Sequence[Last], order: Order, actions: Mapping[int, Action]
+    ) -> Iterator[Distances]:
+        """An action that changes several patterns counts in one of them."""
+        of = self._of
+        counts = {at: max(patterns, key=lambda each: len(each & action.assigned.keys())) for at, action in actions.items()}
+        for names in patterns:
+            within = [at for at, action in actions.items() if not names.isdisjoint(action.assigned)]
+            counted = tuple(at for at in within if counts[at] is names)
+            free = tuple(at for at in within if counts[at] is not names)
+            targets = tuple((last.action, frozenset(part for part in last.target if of.reads(part) <= names)) for last in lasts)
+            key = names, counted, free, targets
+            if key not in self._patterns:
+                if sum(len(pattern.following) for pattern in self._patterns.values()) > KEPT:
+                    for known in (self._patterns, self._distances, self._cases):
+                        known.clear()
+                self._patterns[key] = Pattern(of, self._clauses, *key)
+            if (key, order) not in self._distances:
+                self._distances[key, order] = Distances(self._patterns[key], order)
+            yield self._distances[key, order]
 
-    def _patterns(self, names: frozenset[str], actions: list[Action], bits: int) -> list[frozenset[str]]:
+    def _split(self, names: frozenset[str], actions: Mapping[int, Action], bits: int) -> list[frozenset[str]]:
         """The variables, apart where no action changes both; joined where most conditions speak of both."""
         order, masks = self._of.packing.order, self._of.packing.masks
         patterns = [frozenset([name]) for name in sorted(names, key=order.__getitem__)]
-        for action in actions:
+        changing = [action for action in actions.values() if not names.isdisjoint(action.assigned)]
+        for action in changing:
             patterns = _joined(patterns, action.assigned.keys())
         reads = [self._of.reads(clause) for clause in self._of.clauses]
-        for action in actions:
+        for action in changing:
             reads += [self._of.reads(part) | names.intersection(action.assigned) for part in action.conditions]
             reads += [self._of.reads(value) | {name} for name, value in action.assigned.items()]
         reads = [read for read in reads if read <= names]
@@ -374,25 +294,53 @@ class Guide:
             patterns = _joined(patterns, most[1] | most[2])
 
 
-def _changed(lasts: Sequence[Last], support: Support, closely: bool) -> frozenset[str]:
-    """The variables that change until one of the last actions, or on the way from one goal to another."""
-    changed = [support.changed(last.condition, closely) for last in lasts]
+def _links(lasts: Sequence[Last], support: Support, closely: bool) -> dict[Link, None]:
+    """What changes until each of the last actions, with what else has to change for that; and what changes in between."""
+    links = {link: None for last in lasts for link in support.changed(last.condition, closely) or ()}
+    names = set(_names(links))
     for one, other in permutations(lasts, 2):
-        changed.append(support.changed(other.condition, closely, support.after(one.condition, one.action)))
-    return frozenset().union(*(names for names in changed if names is not None))
+        for link in support.changed(other.condition, closely, support.after(one.condition, one.action)) or ():
+            if not names.issuperset(link):
+                links[link] = None
+                names.update(link)
+    return links
 
 
-def _few(goals: Iterable[Towards]) -> Iterator[list[Towards]]:
+def _names(links: Iterable[Link]) -> frozenset[str]:
+    return frozenset(name for link in links for name in link)
+
+
+def _threads(lasts: Sequence[Last], links: Iterable[Link], support: Support) -> tuple[frozenset[str], ...]:
+    """The variables that change, together those of which one changes so that another can."""
+    names = sorted(_names(links))
+    threads = [frozenset([name]) for name in names]
+    for link in links:
+        threads = _joined(threads, link)
+    for last in lasts if len(lasts) > 1 else ():
+        for link in support.linked(last.action, names):
+            threads = _joined(threads, link)
+    return tuple(threads)
+
+
+def _few(goals: Iterable[tuple[Expr, Towards]]) -> Iterator[list[tuple[Expr, Towards]]]:
     """Goals that are looked at together: few, and with few cases."""
-    few: list[Towards] = []
+    few: list[tuple[Expr, Towards]] = []
     for goal in goals:
-        cases = prod(len(each.lasts) for each in (*few, goal))
+        cases = prod(len(each.lasts) for _, each in (*few, goal))
         if few and (len(few) == TOGETHER or cases > CASES):
             yield few
             few = []
         few.append(goal)
     if few:
         yield few
+
+
+def _orders(goals: Sequence[Towards]) -> Iterator[Order]:
+    """The orders in which goals may be met: a part of a goal not after it."""
+    for order in permutations(range(len(goals))):
+        turn = {number: at for at, number in enumerate(order)}
+        if all(goal.before is None or turn[number] < turn[goal.before] for number, goal in enumerate(goals)):
+            yield tuple(union(1 << other for other in order[: turn[number]]) for number in range(len(goals)))
 
 
 def _farthest(estimates: Sequence[Estimate]) -> Estimate:

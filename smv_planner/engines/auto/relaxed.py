@@ -8,8 +8,8 @@ that is out of reach even so has no plan (the h1 heuristic of classical planning
 
 from __future__ import annotations
 
-from bisect import bisect_right
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 from smv_planner.clock import look
@@ -51,6 +51,9 @@ Sets = int
 """For every variable of the system the values it may have: one bit each, variable by variable in the order of its domain."""
 
 Values = Callable[[Sets], frozenset[Value]]
+
+Link = tuple[str, str]
+"""A variable that changes, and one that changes so that it can."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +102,18 @@ class Outcome:
     computed: tuple[tuple[int, Values], ...]
 
 
+class Loose(dict[Sets, bool]):
+    """Which masks have values of several variables."""
+
+    def __init__(self, fields: Sequence[Sets], owner: Mapping[Sets, int]) -> None:
+        super().__init__()
+        self._fields, self._owner = fields, owner
+
+    def __missing__(self, mask: Sets) -> bool:
+        self[mask] = bool(mask & ~self._fields[self._owner[mask & -mask]])
+        return self[mask]
+
+
 class Abstraction:
     """Conditions and actions of a grounded system, compiled to judge sets of values. The same for every question."""
 
@@ -136,6 +151,13 @@ class Abstraction:
         self._parts.clear()
         self._hit_by = {bit: self._woken(bit) for bit in each_bit((1 << width) - 1)}
         self._last: tuple[State, int, Support] | None = None
+        self.field = dict(zip(self.names, self._field, strict=True))
+        self.owner = {bit: at for at, bits in enumerate(self._bits) for bit in bits.values()}
+        self.loose = Loose(self._field, self.owner)
+        self.makers: dict[Sets, list[int]] = {}
+        for number, action in enumerate(self.actions):
+            for bit in each_bit(action.constant):
+                self.makers.setdefault(bit, []).append(number)
 
     def condition(self, parts: Iterable[Expr]) -> Condition:
         look()
@@ -332,7 +354,7 @@ class Abstraction:
                     missed &= ~hits
                     woken |= actions
                 woken &= waiting
-        return Support(self, begin, sets, tuple(sorted(taken)), first)
+        return Support(self, begin, sets, tuple(sorted(taken)), frozenset(taken), first)
 
     def _missed(self, sets: Sets) -> Hits:
         """What sets do not hit yet."""
@@ -356,7 +378,7 @@ class Abstraction:
                 left = mask & narrow
                 if not left:
                     return None
-                field = self._field[self.variable(left)]
+                field = self._field[self.owner[left & -left]]
                 if not left & ~field and (field & narrow) & ~left:
                     narrow &= ~field | left
                     masks.setdefault(field)
@@ -375,15 +397,15 @@ class Abstraction:
 
     def fields(self, names: Iterable[str]) -> Sets:
         """All values of some variables."""
-        return union(self._field[self.index[name]] for name in names)
+        return union(self.field[name] for name in names)
 
-    def variable(self, bit: Sets) -> int:
-        """Which variable a value belongs to."""
-        return bisect_right(self._low, bit.bit_length() - 1) - 1
+    def computed(self, action: Outcome) -> Sets:
+        """All values of the variables that an action computes."""
+        return union(self._field[at] for at, _ in action.computed)
 
     def same(self, bit: Sets, name: str) -> Sets:
         """The value of another variable that is worth the same; 0 if it has none."""
-        at = self.variable(bit)
+        at = self.owner[bit]
         value = self._domains[at][(bit >> self._low[at]).bit_length() - 1]
         return self._bits[self.index[name]].get(value, 0)
 
@@ -468,44 +490,86 @@ class Abstraction:
 class Support:
     """The values that there are when nothing is lost, which actions are taken, and by which each value comes about first.
 
-    `first` has for each value also how many came about before it.
+    `first` has for each value also how many came about before it; `takes` is `taken` as a set.
     """
 
     abstraction: Abstraction
     begin: Sets
     sets: Sets
     taken: tuple[int, ...]
+    takes: frozenset[int]
     first: Mapping[Sets, tuple[int, int]]
 
-    def changed(self, condition: Condition, closely: bool, begin: Sets | None = None) -> frozenset[str] | None:
+    def may_hold(self, condition: Condition) -> bool:
+        """Whether each value that a condition asks for comes about."""
+        return all(mask & self.sets for mask in condition.to_hit())
+
+    def changed(self, condition: Condition, closely: bool, begin: Sets | None = None) -> dict[Link, None] | None:
         """The variables that a plan that loses nothing changes until a condition holds; None if it cannot.
 
-        It begins where the question does, or with the values of `begin`. Looked at `closely`, an action's conjunctions are
-        dealt out, and what it needs has to come about before what it brings about.
+        Each comes with those that change so that it can, or with itself. The plan begins where the question does, or with
+        the values of `begin`. What may come about by several variables waits, for one of them may change in any case.
+        Looked at `closely`, an action's conjunctions are dealt out, what it needs has to come about before what it brings
+        about, and of several actions the one is taken that asks for least.
         """
-        names = self.abstraction.names
+        of = self.abstraction
+        names, owner, loose = of.names, of.owner, of.loose
         begin = self.begin if begin is None else begin
-        known: dict[Sets, int] = {}
-        changed: set[str] = set()
-        waiting = [(mask, LATEST) for mask in condition.to_hit()]
-        while waiting:
-            mask, latest = waiting.pop()
-            if mask & begin or any(bit & mask and (rank < latest or not closely) for bit, rank in known.items()):
+        known, ranks = 0, dict[Sets, int]()
+        changed = dict[Link, None]()
+        waiting = [(mask, LATEST, "") for mask in condition.to_hit() if not mask & begin]
+        loosely = deque[tuple[Sets, int, str]]()
+        while waiting or loosely:
+            first = bool(waiting)
+            mask, latest, after = waiting.pop() if first else loosely.popleft()
+            if first and loose[mask]:
+                loosely.append((mask, LATEST, after))
+                continue
+            ready = mask & known
+            if ready and first and closely:
+                ready = next((bit for bit in each_bit(ready) if ranks[bit] < latest), 0)
+            if ready:
+                if after:
+                    changed[after, names[owner[ready & -ready]]] = None
                 continue
             bit, rank, at = self._brought_about(mask)
             if not bit:
                 return None
-            if bit in known:  # begun elsewhere, it may be late, and is enough all the same
+            if closely and not bit & known and len(of.makers.get(bit, ())) > 1:
+                if first:
+                    loosely.append((mask, LATEST, after))
+                    continue
+                at = self._easiest(bit, at, begin | known, begin | of.fields(name for link in changed for name in link))
+            name = names[owner[bit]]
+            changed[after or name, name] = None
+            if bit & known:  # begun elsewhere, it may be late, and is enough all the same
                 continue
-            known[bit] = rank
-            name = names[self.abstraction.variable(bit)]
-            changed.add(name)
-            needs = self.abstraction.needs(at) if closely else self.abstraction.actions[at].masks
-            waiting += [(needed, rank) for needed in needs]
-            value = self.abstraction.assigned[at].get(name)
+            known |= bit
+            ranks[bit] = rank
+            needs = of.needs(at) if closely else of.actions[at].masks
+            waiting += [(needed, rank, name) for needed in needs if not needed & begin]
+            value = of.assigned[at].get(name)
             if isinstance(value, Var):
-                waiting.append((self.abstraction.same(bit, value.name), rank))
-        return frozenset(changed)
+                source = of.same(bit, value.name)
+                if not source & begin:
+                    waiting.append((source, rank, name))
+        return changed
+
+    def _easiest(self, bit: Sets, first: int, met: Sets, touched: Sets) -> int:
+        """The action that brings about a value, as `first` does, and asks for least that is not met, of variables not touched."""
+
+        def missing(at: int) -> int:
+            return sum((not needed & met) + (not needed & touched) for needed in self.abstraction.needs(at))
+
+        return min((first, *(at for at in self.abstraction.makers[bit] if at in self.takes)), key=missing)
+
+    def linked(self, action: int, names: Iterable[str]) -> Iterator[Link]:
+        """What an action changes, with what has to change before, as far as it has one of some names."""
+        of = self.abstraction
+        asked = union(mask for mask in of.needs(action) if not mask & self.begin)
+        changed = [name for name in names if name in of.assigned[action]]
+        before = [name for name in names if asked & of.field[name]]
+        return product(changed, before)
 
     def _brought_about(self, mask: Sets) -> tuple[Sets, int, int]:
         """The first of some values to come about, how many did so before, and by which action; none if they never do."""
@@ -514,7 +578,8 @@ class Support:
             bit = min(each_bit(reached), key=self.first.__getitem__)
             return bit, *self.first[bit]
         for at in self.taken:
-            again = self.abstraction.actions[at].constant & mask
+            action = self.abstraction.actions[at]
+            again = action.constant & mask or self.abstraction.computed(action) & mask & self.sets
             if again:
                 return again & -again, LATEST, at
         return 0, 0, 0

@@ -52,6 +52,9 @@ class Move:
     put: int
     computed: Computed | None
 
+    def after(self, node: int) -> int:
+        return node & self.keep | (self.put if self.computed is None else self.computed[node & self.computed.part])
+
 
 class Computed(dict[int, int]):
     """The bits that an action assigns, by the bits that its expressions read."""
@@ -318,7 +321,7 @@ class Search:
         while frontier and depth <= bound:
             yield Paused(depth, len(parent))
             following: list[int] = []
-            left_over = limit - depth - 1
+            left_over, nearest = limit - depth - 1, FAR
             for node in frontier:
                 if work > chunk:
                     work = 0
@@ -352,13 +355,17 @@ class Search:
                             part = new & folded
                             new ^= part ^ fold[part]
                         if new not in parent:
-                            if remaining is not None and remaining[new] > left_over:
-                                beyond = min(beyond, depth + 1 + remaining[new])
-                                continue
+                            if remaining is not None:
+                                away = remaining[new]
+                                if away > left_over:
+                                    if away < nearest:
+                                        nearest = away
+                                    continue
                             parent[new] = node
                             following.append(new)
             frontier = following
             depth += 1
+            beyond = min(beyond, depth + nearest)
         if frontier or remaining is not None:
             yield Paused(min(depth, beyond) if frontier else beyond, len(parent))
             return
@@ -396,6 +403,4 @@ class Search:
         for view in tables.views:
             mask &= view[before & view.part]
         for at in tables.way(mask, self.usable).actions:
-            move = tables.moves[at]
-            put = move.put if move.computed is None else move.computed[before & move.computed.part]
-            yield tables.ground.actions[at].transition.name, before & move.keep | put
+            yield tables.ground.actions[at].transition.name, tables.moves[at].after(before)
