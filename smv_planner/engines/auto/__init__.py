@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 FEW = 2_000
 """How many states are looked at before relaxed reachability is tried: most plans are found sooner than it is set up."""
 
-SOME = 50
+SOME = 30
 """The same where earlier questions have taken more."""
 
 BUDGET = 75_000
@@ -52,7 +52,7 @@ FOLDED = 20
 STATES_PER_PAIR = 4
 """How many states are looked at in the time in which relaxed reachability is set up for one action and one invariant."""
 
-GLANCED = 400
+GLANCED = 2000
 """How many states are looked at where quick estimates say how far away the goals are."""
 
 GUIDED = 8_000

@@ -211,20 +211,17 @@ class Guide:
                             yield Last(at, (*target, *self._abstraction.written(condition)), condition)
 
     def _all_cases(self, goals: Sequence[Towards], support: Support, initial: int, widely: bool) -> list[Case]:
-        """For each choice of last actions the better of two ways to say what changes, if a plan may be like that."""
+        """What comes before each choice of last actions, if a plan may be like that."""
         orders = tuple(_orders(goals)) if widely else ((0,) * len(goals),)
         whole = sum(goal.before is None for goal in goals)
         missing = [not goal.holds[initial & goal.part] for goal in goals]
         above = union(1 << at for at, each in enumerate(missing) if each or not any(missing)) << self._of.packing.width
         cases = []
         for lasts in product(*(goal.lasts for goal in goals)):
-            ways = [_links(lasts[:whole], support, closely) for closely in (False, True)]
-            threads = dict.fromkeys(_threads(lasts, links, support) if widely else (_names(links),) for links in ways)
-            for order in orders:
-                found = [self._case(lasts, order, each, support.taken, widely) for each in threads]
-                cases.append(max((case.away(initial, above), -at, case) for at, case in enumerate(found)))
-        possible = [case for away, _, case in cases if away < NEVER]
-        return possible or [case for _, _, case in cases]
+            links = _links(lasts[:whole], support)
+            threads = _threads(lasts, links, support) if widely else (_names(links),)
+            cases += [self._case(lasts, order, threads, support.taken, widely) for order in orders]
+        return [case for case in cases if case.away(initial, above) < NEVER] or cases
 
     def _case(
         self, lasts: tuple[Last, ...], order: Order, threads: tuple[frozenset[str], ...], taken: tuple[int, ...], widely: bool
@@ -294,12 +291,12 @@ class Guide:
             patterns = _joined(patterns, most[1] | most[2])
 
 
-def _links(lasts: Sequence[Last], support: Support, closely: bool) -> dict[Link, None]:
+def _links(lasts: Sequence[Last], support: Support) -> dict[Link, None]:
     """What changes until each of the last actions, with what else has to change for that; and what changes in between."""
-    links = {link: None for last in lasts for link in support.changed(last.condition, closely) or ()}
+    links = {link: None for last in lasts for link in support.changed(last.condition) or ()}
     names = set(_names(links))
     for one, other in permutations(lasts, 2):
-        for link in support.changed(other.condition, closely, support.after(one.condition, one.action)) or ():
+        for link in support.changed(other.condition, support.after(one.condition, one.action)) or ():
             if not names.issuperset(link):
                 links[link] = None
                 names.update(link)

@@ -47,6 +47,9 @@ LATEST = 1 << 30
 MASKS = 64
 """How many masks one condition may become."""
 
+JUDGED = 500
+"""For how many sets is kept whether a condition may hold."""
+
 Sets = int
 """For every variable of the system the values it may have: one bit each, variable by variable in the order of its domain."""
 
@@ -54,6 +57,24 @@ Values = Callable[[Sets], frozenset[Value]]
 
 Link = tuple[str, str]
 """A variable that changes, and one that changes so that it can."""
+
+
+class Others(dict[Sets, bool]):
+    """Whether what is no conjunction of masks may hold, by the values in `part`, all that it reads."""
+
+    def __init__(self, part: Sets, judged: tuple[Callable[[Sets], bool], ...]) -> None:
+        super().__init__()
+        self.part = part
+        self._judged = judged
+
+    def __missing__(self, sets: Sets) -> bool:
+        if len(self) == JUDGED:
+            self.clear()
+        self[sets] = found = all(may_hold(sets) for may_hold in self._judged)
+        return found
+
+    def together(self, other: Others) -> Others:
+        return Others(self.part | other.part, self._judged + other._judged)
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +86,7 @@ class Condition:
 
     narrow: Sets
     masks: tuple[Sets, ...]
-    others: tuple[Callable[[Sets], bool], ...]
+    others: Others
 
     def narrowed(self, sets: Sets) -> Sets | None:
         """The sets as far as the condition may hold; None if it cannot."""
@@ -73,18 +94,14 @@ class Condition:
         for mask in self.masks:
             if not sets & mask:
                 return None
-        return sets if self.others_may_hold(sets) else None
+        return sets if self.others[sets & self.others.part] else None
 
     def to_hit(self) -> tuple[Sets, ...]:
         """What has to be hit, of each mask as much as the condition leaves."""
         return tuple(mask & self.narrow for mask in self.masks)
 
-    def others_may_hold(self, sets: Sets) -> bool:
-        sets &= self.narrow
-        return all(may_hold(sets) for may_hold in self.others)
-
     def together(self, other: Condition) -> Condition:
-        return Condition(self.narrow & other.narrow, self.masks + other.masks, self.others + other.others)
+        return Condition(self.narrow & other.narrow, self.masks + other.masks, self.others.together(other.others))
 
 
 Hits = int
@@ -93,10 +110,10 @@ Hits = int
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What an action adds to the sets, if its condition may hold; for that the sets have to hit all `masks`, in short `asks`."""
+    """What an action adds to the sets, if its condition may hold, of which the masks are `asks` in short."""
 
+    number: int
     condition: Condition
-    masks: tuple[Sets, ...]
     asks: Hits
     constant: Sets
     computed: tuple[tuple[int, Values], ...]
@@ -131,6 +148,7 @@ class Abstraction:
             self._field.append(((1 << len(values)) - 1) << width)
             self._bits.append({value: 1 << width + at for at, value in enumerate(values)})
             width += len(values)
+        self.field = dict(zip(self.names, self._field, strict=True))
         self._lows = sum(1 << low for low in self._low)
         self._ends = self._lows & ~1 | 1 << width
         self._of = of
@@ -144,14 +162,14 @@ class Abstraction:
         self.assigned = tuple(action.assigned for action in of.actions)
         self._hits: dict[Sets, Hits] = {}  # by what has to be hit
         self.actions = tuple(
-            self._outcome(self.condition([*action.conditions, *keeps]), action.assigned)
-            for action, keeps in zip(of.actions, of.keeps, strict=True)
+            self._outcome(number, self.condition([*action.conditions, *keeps]), action.assigned)
+            for number, (action, keeps) in enumerate(zip(of.actions, of.keeps, strict=True))
         )
         self.allowed = self.condition(of.clauses)
         self._parts.clear()
+        self._by_bit = {1 << action.number: action for action in self.actions}
         self._hit_by = {bit: self._woken(bit) for bit in each_bit((1 << width) - 1)}
         self._last: tuple[State, int, Support] | None = None
-        self.field = dict(zip(self.names, self._field, strict=True))
         self.owner = {bit: at for at, bits in enumerate(self._bits) for bit in bits.values()}
         self.loose = Loose(self._field, self.owner)
         self.makers: dict[Sets, list[int]] = {}
@@ -161,12 +179,13 @@ class Abstraction:
 
     def condition(self, parts: Iterable[Expr]) -> Condition:
         look()
-        narrow, masks, others = -1, dict[Sets, None](), []
+        narrow, masks, judged, read = -1, dict[Sets, None](), [], set[str]()
         for part in parts:
             names = self._reads(part)
             hit = self._masks(part)
             if hit is None:
-                others.append(self._judged(part, True))
+                judged.append(self._judged(part, True))
+                read |= names
                 continue
             for mask in hit:
                 if len(names) == 1:
@@ -175,7 +194,7 @@ class Abstraction:
                     narrow &= ~field | mask
                     mask = field
                 masks.setdefault(mask)
-        return Condition(narrow, tuple(masks), tuple(others))
+        return Condition(narrow, tuple(masks), Others(self.fields(read), tuple(judged)))
 
     def needs(self, at: int) -> tuple[Sets, ...]:
         """What has to be hit for an action, as closely as it can be said: whatever is a conjunction is dealt out."""
@@ -318,22 +337,27 @@ class Abstraction:
         return self._last[2]
 
     def _support(self, start: State, usable: int) -> Support:
-        begin = sets = sum([bits[value] for bits, value in zip(self._bits, start, strict=True)])
-        missed = self._missed(begin)
+        begin = hit = 0
+        for bits, value in zip(self._bits, start, strict=True):
+            bit = bits[value]
+            begin |= bit
+            hit |= self._hit_by[bit][0]
+        sets, missed = begin, (1 << len(self._hits)) - 1 & ~hit
         taken, first = dict[int, None](), dict[Sets, tuple[int, int]]()
         waiting = woken = usable
         while woken:
             before, again = sets, 0
-            for one in each_bit(woken):
-                at = one.bit_length() - 1
-                action = self.actions[at]
+            while woken:
+                one = woken & -woken
+                woken ^= one
+                action = self._by_bit[one]
                 if action.asks & missed:
                     continue
                 condition = action.condition
-                if condition.others and not condition.others_may_hold(before):
+                if not condition.others[before & condition.narrow & condition.others.part]:
                     again |= one
                     continue
-                taken[at] = None
+                taken[action.number] = None
                 found = action.constant
                 if action.computed:
                     again |= one
@@ -342,26 +366,22 @@ class Abstraction:
                 else:
                     waiting ^= one
                 fresh = found & ~sets
-                if fresh:
-                    sets |= fresh
-                    for bit in each_bit(fresh):
-                        first[bit] = len(first), at
-            woken = 0
-            if sets != before:
+                sets |= fresh
+                while fresh:
+                    bit = fresh & -fresh
+                    fresh ^= bit
+                    first[bit] = len(first), action.number
+            new = sets ^ before
+            if new:
                 woken = again
-                for bit in each_bit(sets ^ before):
+                while new:
+                    bit = new & -new
+                    new ^= bit
                     hits, actions = self._hit_by[bit]
                     missed &= ~hits
                     woken |= actions
                 woken &= waiting
         return Support(self, begin, sets, tuple(sorted(taken)), frozenset(taken), first)
-
-    def _missed(self, sets: Sets) -> Hits:
-        """What sets do not hit yet."""
-        hit = 0
-        for bit in each_bit(sets):
-            hit |= self._hit_by[bit][0]
-        return (1 << len(self._hits)) - 1 & ~hit
 
     def _woken(self, bit: Sets) -> tuple[Hits, int]:
         """What a value hits, and which actions ask for some of that."""
@@ -409,7 +429,7 @@ class Abstraction:
         value = self._domains[at][(bit >> self._low[at]).bit_length() - 1]
         return self._bits[self.index[name]].get(value, 0)
 
-    def _outcome(self, condition: Condition, assigned: Mapping[str, Expr]) -> Outcome:
+    def _outcome(self, number: int, condition: Condition, assigned: Mapping[str, Expr]) -> Outcome:
         constant, computed = 0, []
         for name, value in assigned.items():
             at = self.index[name]
@@ -417,9 +437,8 @@ class Abstraction:
                 constant |= self._mask(at, [value.value])
             else:
                 computed.append((at, self._values(value)))
-        masks = condition.to_hit()
-        asks = union(self._hits.setdefault(mask, 1 << len(self._hits)) for mask in masks)
-        return Outcome(condition, masks, asks, constant, tuple(computed))
+        asks = union(self._hits.setdefault(mask, 1 << len(self._hits)) for mask in condition.to_hit())
+        return Outcome(number, condition, asks, constant, tuple(computed))
 
     def _mask(self, at: int, values: Iterable[Value]) -> Sets:
         """The values that lie in a variable's domain."""
@@ -504,13 +523,12 @@ class Support:
         """Whether each value that a condition asks for comes about."""
         return all(mask & self.sets for mask in condition.to_hit())
 
-    def changed(self, condition: Condition, closely: bool, begin: Sets | None = None) -> dict[Link, None] | None:
+    def changed(self, condition: Condition, begin: Sets | None = None) -> dict[Link, None] | None:
         """The variables that a plan that loses nothing changes until a condition holds; None if it cannot.
 
         Each comes with those that change so that it can, or with itself. The plan begins where the question does, or with
-        the values of `begin`. What may come about by several variables waits, for one of them may change in any case.
-        Looked at `closely`, an action's conjunctions are dealt out, what it needs has to come about before what it brings
-        about, and of several actions the one is taken that asks for least.
+        the values of `begin`. What an action needs has to come about before what it brings about. What may come about by
+        several variables or actions waits, for one of them may change in any case; else that is taken which asks for least.
         """
         of = self.abstraction
         names, owner, loose = of.names, of.owner, of.loose
@@ -526,7 +544,7 @@ class Support:
                 loosely.append((mask, LATEST, after))
                 continue
             ready = mask & known
-            if ready and first and closely:
+            if ready and first:
                 ready = next((bit for bit in each_bit(ready) if ranks[bit] < latest), 0)
             if ready:
                 if after:
@@ -535,7 +553,7 @@ class Support:
             bit, rank, at = self._brought_about(mask)
             if not bit:
                 return None
-            if closely and not bit & known and len(of.makers.get(bit, ())) > 1:
+            if not bit & known and len(of.makers.get(bit, ())) > 1:
                 if first:
                     loosely.append((mask, LATEST, after))
                     continue
@@ -546,8 +564,7 @@ class Support:
                 continue
             known |= bit
             ranks[bit] = rank
-            needs = of.needs(at) if closely else of.actions[at].masks
-            waiting += [(needed, rank, name) for needed in needs if not needed & begin]
+            waiting += [(needed, rank, name) for needed in of.needs(at) if not needed & begin]
             value = of.assigned[at].get(name)
             if isinstance(value, Var):
                 source = of.same(bit, value.name)
