@@ -3,14 +3,17 @@
 from collections.abc import Iterator
 
 import pytest
-from engines.questions import ask, is_, up
+from engines.questions import WORDS, Actions, ask, is_, step, up
 from generated import question
 
 from smv_planner.engines.auto import patterns
 from smv_planner.engines.auto.search import Estimate, Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
-from smv_planner.model.domains import Range
-from smv_planner.model.ltl import ALWAYS_TRUE
+from smv_planner.lazy import replace
+from smv_planner.model.domains import Bool, Domain, Range, Value
+from smv_planner.model.expressions import TRUE, Const, Plus, Var, conjunction, meaning, negation
+from smv_planner.model.semantics import Steps
+from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
 
 
@@ -29,15 +32,30 @@ def guided(seeds: range, widely: bool) -> Iterator[tuple[Problem, Tables, Estima
 
 @pytest.mark.parametrize("widely", [False, True], ids=["quick", "wide"])
 @pytest.mark.parametrize("seeds", [range(at, at + 60) for at in range(0, 120, 60)], ids=str)
-def test_no_distance_is_estimated_to_be_more_than_a_plan_takes(seeds: range, widely: bool) -> None:
-    far = 0
-    for problem, tables, estimate, plan in guided(seeds, widely):
-        plain = [goal.until for goal in problem.goals] == [ALWAYS_TRUE]  # else a goal may be met on the way and lost again
-        for at, state in enumerate(plan.states if plain else plan.states[:1]):
-            steps = estimate(tables.packing.pack(state), -1)
-            assert steps <= len(plan.path) - at
-            far += steps > 1
-    assert far > 20
+def test_from_no_state_that_can_follow_a_distance_is_estimated_to_be_more_than_a_plan_takes(seeds: range, widely: bool) -> None:
+    far = states = 0
+    for problem, tables, estimate, _ in guided(seeds, widely):
+        for state in seen_from(problem):
+            for found in Search(tables, replace(problem, initial=state)).explore():
+                if isinstance(found, Reached):
+                    steps = estimate(tables.packing.pack(state), -1)
+                    assert steps <= len(found.path)
+                    far, states = far + (steps > 1), states + 1
+    assert far > 300
+    assert states > 800
+
+
+def seen_from(problem: Problem, most: int = 40) -> list[State]:
+    """Some allowed states that can follow on the first, in order."""
+    steps = Steps(problem.system, problem.usable)
+    allowed = meaning(conjunction(i.predicate for i in problem.allowed), problem.system.index)
+    seen = {problem.initial: None}
+    for state in (waiting := [problem.initial]):
+        for _, after in steps(state):
+            if after not in seen and allowed(after) and len(seen) < most:
+                seen[after] = None
+                waiting.append(after)
+    return list(seen)
 
 
 @pytest.mark.parametrize("widely", [False, True], ids=["quick", "wide"])
@@ -69,3 +87,32 @@ def test_what_has_too_many_states_says_nothing_and_is_not_measured_again_and_aga
         assert estimate is not None
         assert [estimate(tables.packing.pack((n,)), -1) for n in range(9)] == list(steps)
     assert len(measured) == 1
+
+
+def test_a_step_towards_several_goals_counts_once() -> None:
+    """Two counters that are ended apart, and a step that counts in both. The wide estimate has a pattern for each."""
+    more: dict[str, Actions] = {name: {name: Plus(Var(name), Const(1))} for name in ("n", "m")}
+    steps = [step(f"more_{name}", TRUE, actions) for name, actions in more.items()]
+    steps += [step(f"end_{name}", is_(name, 3), {f"{name}_ended": True}) for name in more]
+    steps.append(step("more_of_both", TRUE, more["n"] | more["m"]))
+    ended: dict[str, tuple[Domain, Value]] = {f"{name}_ended": (Bool(), False) for name in more}
+    problem = ask({"n": (Range(0, 3), 0), "m": (Range(0, 3), 0)} | ended, steps, *map(Var, ended))
+    ground, tables = session_of(problem.system).variant(())
+    estimate = session_of(problem.system).guide(ground).estimate(problem, True)
+    assert estimate is not None
+    assert [estimate(tables.packing.pack((at, at, False, False)), -1) for at in range(4)] == [5, 4, 3, 2]
+
+
+def test_goals_that_exclude_each_other_are_looked_at_in_every_order() -> None:
+    """Whoever has the key has to lay it down before the other takes it."""
+    free, at_a, at_b = (is_("key", who) for who in "cab")
+    steps = [
+        step("a_takes", free, {"key": "a"}),
+        step("b_takes", free, {"key": "b"}),
+        step("lay_down", negation(free), {"key": "c"}),
+    ]
+    problem = ask({"key": (WORDS, "c")}, steps, at_a, at_b)
+    ground, tables = session_of(problem.system).variant(())
+    estimate = session_of(problem.system).guide(ground).estimate(problem, True)
+    assert estimate is not None
+    assert estimate(tables.packing.pack(problem.initial), -1) == 3
