@@ -96,6 +96,7 @@ class Together:
         self._goals = [(1 << at, goal.until, goal.part, goal.holds) for at, goal in enumerate(goals)]
         self._cases = tuple(cases)
         self._width = width
+        self.reads = union(goal.part for goal in goals) | union(each.part for case in self._cases for each in case.patterns)
         self._left: dict[int, tuple[int, list[tuple[int, list[tuple[int, Distances]]]]]] = {}
 
     def __call__(self, node: int, owed: int) -> int:
@@ -167,7 +168,7 @@ class Guide:
             together = [each for _, each in goals] + (self._parts(goals, support) if widely else [])
             cases = self._all_cases(together, support, initial, widely)
             estimates.append(Together(together, cases, self._of.packing.width))
-        return _farthest(estimates) if estimates else None
+        return estimates[0] if len(estimates) == 1 else Farthest(estimates) if estimates else None
 
     def _goal(self, predicate: Expr, until: int, support: Support, before: int | None = None) -> Towards | None:
         of = self._of
@@ -340,10 +341,15 @@ def _orders(goals: Sequence[Towards]) -> Iterator[Order]:
             yield tuple(union(1 << other for other in order[: turn[number]]) for number in range(len(goals)))
 
 
-def _farthest(estimates: Sequence[Estimate]) -> Estimate:
-    if len(estimates) == 1:
-        return estimates[0]
-    return lambda node, owed: max(estimate(node, owed) for estimate in estimates)
+class Farthest:
+    """What the estimates of several goals say at most."""
+
+    def __init__(self, estimates: Sequence[Estimate]) -> None:
+        self._estimates = estimates
+        self.reads = union(estimate.reads for estimate in estimates)
+
+    def __call__(self, node: int, owed: int) -> int:
+        return max(estimate(node, owed) for estimate in self._estimates)
 
 
 def each_of(formula: Formula) -> Iterator[Until]:

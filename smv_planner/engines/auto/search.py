@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from smv_planner.clock import look
 from smv_planner.engines.auto.grounding import Ground, Shared, Truth, View, needs_of, views
@@ -24,8 +24,14 @@ if TYPE_CHECKING:
 SETTLED = "settled"
 """Stands for 'no automatic transition is enabled' in formulas over propositions; no user name looks like the others."""
 
-Estimate = Callable[[int, int], int]
-"""How many steps there are at least from a node, by what is owed there, to all the goals."""
+
+class Estimate(Protocol):
+    """How many steps there are at least from a node, by what is owed there, to all the goals. It `reads` some bits of a state."""
+
+    reads: int
+
+    def __call__(self, node: int, owed: int) -> int: ...
+
 
 FAR = 1 << 30
 """More steps than any plan has."""
@@ -268,11 +274,17 @@ class Remaining(dict[int, int]):
     def __init__(self, estimate: Estimate, watch: Watch, width: int) -> None:
         super().__init__()
         self._estimate = estimate
+        self._reads = estimate.reads | -1 << width
+        self._known: dict[int, int] = {}  # nodes often differ by what does not matter
         self._obligations = watch.obligations
         self._width = width
 
     def __missing__(self, node: int) -> int:
-        self[node] = steps = self._estimate(node, self._obligations[node >> self._width])
+        read = node & self._reads
+        steps = self._known.get(read)
+        if steps is None:
+            steps = self._known[read] = self._estimate(node, self._obligations[node >> self._width])
+        self[node] = steps
         return steps
 
 
