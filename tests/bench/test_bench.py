@@ -23,6 +23,17 @@ def test_a_ratio_is_missed_by_more_than_a_fifth(times: float, met: bool) -> None
     assert Gate("times", least=120).met({"times": times}) is met
 
 
+@pytest.mark.parametrize(("figures", "met"), [((10, 1200), True), ((20, 1200), False), ((15, None), True), ((20, None), None)])
+def test_a_gate_may_be_met_by_another(figures: tuple[float, float | None], met: bool | None) -> None:
+    engine, nusmv = figures
+    answer: Figures = {"engine": engine} if nusmv is None else {"engine": engine, "nusmv": nusmv}
+    compared = None if nusmv is None else ("engine", "nusmv")
+    gate = Gate("times", least=900, otherwise=Gate("engine", most=13))
+    (measured,) = bench([Row("any", lambda run: ("3 steps", answer), (gate,), compared)])
+    assert measured.met is met
+    assert measured.gates == ("times >= 900 or engine <= 13",)
+
+
 def shown(name: str, engine: list[float], log: list[str], outcome: str = "3 steps") -> Callable[[int], tuple[str, Figures]]:
     def run(number: int) -> tuple[str, Figures]:
         log.append(name)
