@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from dataclasses import replace
+from itertools import product
 from random import Random
 
 import pytest
@@ -17,7 +18,7 @@ from smv_planner.engines.auto.search import Ended, Search
 from smv_planner.engines.auto.session import session_of
 from smv_planner.engines.auto.symmetry import Fold
 from smv_planner.model.domains import Enum, Range
-from smv_planner.model.expressions import TRUE, Const, Equal, Expr, Var, conjunction, negation
+from smv_planner.model.expressions import TRUE, Const, Equal, Expr, Var, conjunction, negation, nodes
 from smv_planner.model.system import Any, Assignment, Invariant, Kind, System, Transition, Variable, VariableKind
 from smv_planner.problem import Goal, NotWithin, Problem, Reached, Unreachable, Verdict
 
@@ -119,6 +120,23 @@ def test_what_is_unlike_is_not_folded(monkeypatch: pytest.MonkeyPatch) -> None:
             not isinstance(answered, Ended) and not same(answered, expected)
         )
     assert wrong > 5
+
+
+def test_a_swap_leaves_what_it_does_not_touch() -> None:
+    left = 0
+    for seed in range(60):
+        problem = workshop(seed)
+        session = session_of(problem.system)
+        ground, _ = session.variant(problem.allowed)
+        symmetries = session.symmetries(ground)
+        written = [*(part for action in ground.actions for part in action.conditions), *ground.clauses]
+        for first, *others in symmetries._candidates():
+            swaps = [symmetry.Swap.of(first, other) for other in others]
+            for swap, node in product(swaps, (node for expr in written for node in nodes(expr))):
+                if swap.touched.isdisjoint(symmetries._mentions(node)):
+                    assert symmetries._written(node, swap) == symmetries._written(node, symmetry.NO_SWAP), f"workshop {seed}"
+                    left += 1
+    assert left > 1000, left
 
 
 def test_a_folded_search_that_ends_still_gives_a_proof() -> None:

@@ -24,6 +24,9 @@ from smv_planner.problem import Problem
 QUESTIONS = 50
 """For how many sets of unusable transitions the things that are interchangeable are kept."""
 
+EXPRESSIONS = 100_000
+"""Of how many expressions is kept what they mention."""
+
 Form = int
 """A number for each way to write an expression, up to the order of what may come in any order."""
 
@@ -36,17 +39,24 @@ class Thing:
     values: tuple[tuple[str, Value], ...]
 
 
+Mention = str | tuple[str] | tuple[str, Value]
+"""A variable; one of which the value matters; or one value of it, that it is compared with or gets."""
+
+
 @dataclass(frozen=True, slots=True)
 class Swap:
+    """Which names and values it turns into which; what has none of the mentions in `touched` stays as it is."""
+
     names: Mapping[str, str]
     values: Mapping[str, Mapping[Value, Value]]
-    touched: frozenset[str]
+    touched: frozenset[Mention]
 
     @classmethod
     def of(cls, one: Thing, other: Thing) -> Swap:
         pairs = zip(one.values, other.values, strict=True)
         values = {name: {a: b, b: a} for (name, a), (_, b) in pairs}
-        return cls({one.name: other.name, other.name: one.name}, values, frozenset([one.name, other.name, *values]))
+        touched: list[Mention] = [one.name, other.name, *one.values, *other.values, *((name,) for name in values)]
+        return cls({one.name: other.name, other.name: one.name}, values, frozenset(touched))
 
 
 class Unclear(Exception):
@@ -60,17 +70,15 @@ class Symmetries:
         self._of = of
         self._numbers: dict[object, Form] = {}
         self._plain: dict[int, tuple[Expr, Form]] = {}
+        self._mentioned: dict[int, tuple[Expr, frozenset[Mention]]] = {}
+        self._alike = self._copies()
         self._where: dict[Form, int] = {}
         for at, action in enumerate(of.actions):
             look()
             form = self._action(action, NO_SWAP)
             self._where[form] = self._where.get(form, 0) | 1 << at
         self._clauses = {self._form(clause, NO_SWAP) for clause in of.clauses}
-        self._alike = self._copies()
-        self._used = [
-            frozenset(action.assigned).union(*map(of.reads, (*action.conditions, *action.assigned.values())))
-            for action in of.actions
-        ]
+        self._used = [self._mentions_of(action) for action in of.actions]
         self._apart: dict[tuple[int, int], bool] = {}
         self._moves: dict[tuple[Thing, Thing], dict[int, int] | None] = {}
         self._groups = [
@@ -82,6 +90,9 @@ class Symmetries:
 
     def fold(self, problem: Problem) -> Fold | None:
         """What makes one state of all that differ by swaps that change nothing about a question; None if there are none."""
+        if len(self._mentioned) > EXPRESSIONS:
+            self._mentioned.clear()
+            self._plain.clear()
         usable = self._of.usable(problem.unusable)
         if usable not in self._usable:
             if len(self._usable) == QUESTIONS:
@@ -98,7 +109,7 @@ class Symmetries:
         return Fold(self._of.packing, groups) if groups else None
 
     def _same(self, predicates: Iterable[Expr], swap: Swap) -> bool:
-        concerned = [predicate for predicate in predicates if not swap.touched.isdisjoint(self._of.reads(predicate))]
+        concerned = [predicate for predicate in predicates if not swap.touched.isdisjoint(self._mentions(predicate))]
         try:
             return all(self._all(predicate, swap) == self._all(predicate, NO_SWAP) for predicate in concerned)
         except Unclear:
@@ -131,7 +142,7 @@ class Symmetries:
                     return None
                 moved[at] = images
         for clause in self._of.clauses:
-            if not swap.touched.isdisjoint(self._of.reads(clause)) and self._form(clause, swap) not in self._clauses:
+            if not swap.touched.isdisjoint(self._mentions(clause)) and self._form(clause, swap) not in self._clauses:
                 return None
         automatic = [at for at in range(len(self._of.actions)) if self._of.automatic >> at & 1]
         in_order = all(
@@ -171,8 +182,27 @@ class Symmetries:
             raise Unclear
         return self._form(value, swap)
 
+    def _mentions_of(self, action: Action) -> frozenset[Mention]:
+        found = frozenset[Mention](action.assigned).union(*map(self._mentions, action.conditions))
+        return found.union(*(self._mentions(Equal(Var(name), value)) for name, value in action.assigned.items()))
+
+    def _mentions(self, expr: Expr) -> frozenset[Mention]:
+        known = self._mentioned.get(id(expr))
+        if known is None:
+            match expr:
+                case Var(name):
+                    found = frozenset[Mention]([name, (name,)])
+                case Equal(Var(name), Const(value)) | Equal(Const(value), Var(name)):
+                    found = frozenset[Mention]([name, (name, value)])
+                case Equal(Var(name), Var(other)) if other in self._alike[name]:  # a swap has the same values of both
+                    found = frozenset[Mention]([name, other])
+                case _:
+                    found = frozenset[Mention]().union(*map(self._mentions, parts_of(expr)))
+            known = self._mentioned[id(expr)] = expr, found
+        return known[1]
+
     def _form(self, expr: Expr, swap: Swap) -> Form:
-        if swap.touched.isdisjoint(self._of.reads(expr)):
+        if swap.touched.isdisjoint(self._mentions(expr)):
             if id(expr) not in self._plain:
                 self._plain[id(expr)] = expr, self._written(expr, NO_SWAP)
             return self._plain[id(expr)][1]
