@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from itertools import islice
+from itertools import count, islice
 from random import Random
 from types import ModuleType
 
@@ -14,15 +14,17 @@ from engines.test_auto import BY_CLAUSES, BY_SEARCH, LIMITS, questions_about_one
 from generated import question
 
 from smv_planner import clock
+from smv_planner.check import check_proof
 from smv_planner.engines import auto, clauses, explicit
 from smv_planner.engines.auto import Late, Means
 from smv_planner.engines.auto import _search as searched
 from smv_planner.engines.auto.search import Paused, Search
 from smv_planner.engines.auto.session import session_of
+from smv_planner.lazy import replace
 from smv_planner.model.domains import Range
 from smv_planner.model.expressions import TRUE, conjunction
 from smv_planner.model.system import Any
-from smv_planner.problem import Problem, Undecided, Verdict
+from smv_planner.problem import Problem, Undecided, Unreachable, Verdict
 
 
 class Clock:
@@ -140,3 +142,13 @@ def test_what_is_remembered_counts_as_memory() -> None:
     assert not found.deadline
     assert found.depth == counted.depth
     session_of.cache_clear()
+
+
+def test_a_slow_machine_proves_what_a_fast_one_proves(monkeypatch: pytest.MonkeyPatch) -> None:
+    """How long a proof is looked for goes by work: here every look at the clock finds an hour gone."""
+    problem = replace(instances.mutex(irrelevant=9, entangled=True).problem, bound=3)
+    hours = count(0, 3600)
+    monkeypatch.setattr(auto.time, "monotonic", lambda: next(hours))
+    verdict = auto.ask(problem, replace(LIMITS, deadline=1e9), search=lambda: 0)
+    assert isinstance(verdict, Unreachable)
+    assert check_proof(problem, verdict.proof) is None

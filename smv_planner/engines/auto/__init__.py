@@ -72,15 +72,14 @@ LASTING = 3
 
 BYTES_PER_NODE = 250
 
-SECONDS_PER_STATE = 200e-6
-"""About how long the kernel takes to check one state of a proof by exhaustion."""
+WORK_PER_STATE = 1_700
+"""About how much work of a solver takes as long as the kernel takes to check one state of a proof by exhaustion."""
 
 MANY = 1000
 """From so many states on, a proof by clauses is worth looking for."""
 
-EXTRA = 1.0
-"""For how many seconds at least a proof is looked for when it is clear that no plan is within the bound."""
-
+EXTRA = 8_500_000
+"""With how much work at least a proof is looked for when it is clear that no plan is within the bound: about a second."""
 
 BYTES_PER_CLAUSE = 200
 
@@ -365,17 +364,18 @@ def _search(
 
 
 def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime, patience: int) -> Inductive | None:
-    """A proof by clauses, if one is found in less time than the kernel needs to check a proof by states."""
+    """A proof by clauses, if one is found with less work than the kernel has with a proof by states."""
     from smv_planner.engines.auto.frames import Frames
 
     if ended.number * patience <= MANY:
         return None
-    ends = time.monotonic() + ended.number * SECONDS_PER_STATE * patience
     try:
-        for found in Frames(ground, problem).proof():
+        frames = Frames(ground, problem)
+        for found in frames.proof():
             if isinstance(found, Inductive):
                 return found
-            if time.monotonic() > ends or not on_time(f"all {ended.number} states seen, looking for a short proof"):
+            on_time_still = on_time(f"all {ended.number} states seen, looking for a short proof")
+            if frames.work() > ended.number * WORK_PER_STATE * patience or not on_time_still:
                 return None
     except Over:  # there is a proof already
         pass
@@ -385,29 +385,29 @@ def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime
 def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, means: Means) -> Found:
     """A shortest plan of `depth` or more steps, or a proof that there is none, whichever is found first.
 
-    The two take turns, so that each has about as much time as the other; a proof gets a little longer, for it says more
-    than that no plan is within the bound.
+    The two take turns, so that each has about as much work as the other; a proof gets a little more, for it says more than
+    that no plan is within the bound. Work is counted and not timed: a slow machine answers the same.
     """
     from smv_planner.engines.auto.frames import Frames
 
     by = "SAT" if not depth else "breadth-first search, then SAT," if depth <= problem.bound else "breadth-first search"
     not_within = NotWithin(problem.bound, f"{by} ruled out every plan within the bound")
-    unrolled = warm.unrolled()
-    searching, proving = unrolled.run(problem, ground, depth), Frames(ground, problem).proof()
-    spent_searching = spent_proving = 0.0
+    unrolled, frames = warm.unrolled(), Frames(ground, problem)
+    searching, proving = unrolled.run(problem, ground, depth), frames.proof()
+    before = unrolled.work()
     hopeful = True  # that there may be a proof
-    while depth <= problem.bound or (hopeful and spent_proving < 2 * spent_searching + EXTRA):
-        began = time.monotonic()
+    while True:
+        searched, proved = unrolled.work() - before, frames.work()
+        if depth > problem.bound and not (hopeful and proved < 2 * searched + EXTRA):
+            return not_within
         try:
-            if hopeful and (depth > problem.bound or spent_proving < spent_searching):
+            if hopeful and (depth > problem.bound or proved < searched):
                 proof = next(proving, None)
-                spent_proving += time.monotonic() - began
                 if isinstance(proof, Inductive):
                     return Unreachable(proof, PRESERVED)
                 hopeful = proof is not None
             else:
                 found = next(searching)
-                spent_searching += time.monotonic() - began
                 if isinstance(found, Reached):
                     return replace(found, argument=f"{by} ruled out every shorter plan")
                 depth = found
@@ -416,4 +416,3 @@ def by_clauses(problem: Problem, warm: Session, ground: Ground, depth: int, mean
         in_memory = unrolled.clauses.solver.clauses() * BYTES_PER_CLAUSE <= means.memory
         if not means.on_time(f"no plan of fewer than {depth} steps") or not in_memory:
             return Late(depth, deadline=in_memory) if depth <= problem.bound else not_within
-    return not_within

@@ -64,6 +64,10 @@ class Unrolled:
         self.whole = True
         """Whether nothing was left half done."""
 
+    def work(self) -> int:
+        """How much all questions have taken so far, as the solver counts it."""
+        return self.clauses.solver.work()
+
     def run(self, problem: Problem, of: Ground, depth: int) -> Iterator[Reached | int]:
         """Look for a shortest plan of `depth` or more steps, bit by bit; yields proven lower bounds until there is one.
 

@@ -135,6 +135,10 @@ class Frames:
             literal = self._literal(fact, now=True)
             clauses.add(-self._levels[0], literal if holds else -literal)
 
+    def work(self) -> int:
+        """How much the search has taken so far, as the solvers count it."""
+        return self._clauses.solver.work() + self._lifting.work()
+
     def proof(self) -> Iterator[Inductive | int]:
         """Look for a proof bit by bit; yields how many steps are known not to do. Ends if there is a plan."""
         top = 1
@@ -248,6 +252,9 @@ class _Lifting:
         self._coding = self._layer.coding
         self._expansion = Expansion(self._clauses, self._coding, formulas)
         self._owable = owable(formulas)
+
+    def work(self) -> int:
+        return self._clauses.solver.work()
 
     def idling(self, state: dict[str, Value], owed: list[int]) -> Cube:
         return self._needed(state, owed, [self._layer.settled, *map(self._expansion.idling, owed)])
