@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 
 import pytest
-from engines.questions import WORDS, Actions, ask, is_, step, up
+from engines.questions import FLAG, LAMP, WORDS, Actions, ask, auto, is_, step, up
 from generated import question
 
 from smv_planner.engines.auto import patterns
@@ -11,7 +11,7 @@ from smv_planner.engines.auto.search import Estimate, Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.lazy import replace
 from smv_planner.model.domains import Bool, Domain, Range, Value
-from smv_planner.model.expressions import TRUE, Const, Plus, Var, conjunction, meaning, negation
+from smv_planner.model.expressions import TRUE, Const, Plus, Var, conjunction, disjunction, meaning, negation
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import State
 from smv_planner.problem import Problem, Reached
@@ -116,3 +116,37 @@ def test_goals_that_exclude_each_other_are_looked_at_in_every_order() -> None:
     estimate = session_of(problem.system).guide(ground).estimate(problem, True)
     assert estimate is not None
     assert estimate(tables.packing.pack(problem.initial), -1) == 3
+
+
+@pytest.mark.parametrize("widely", [False, True], ids=["quick", "wide"])
+def test_of_goals_that_hold_at_first_one_may_be_lost_alone(widely: bool) -> None:
+    """The short way to have the first again leaves none for the second, which needs none as long as it is not lost."""
+    steps = [
+        auto("away", negation(Var("gone")), {"first": False, "gone": True}),
+        step("lose", is_("n", 1), {"second": False}),
+        step("gain", is_("n", 1), {"second": True}),
+        *(step(f"to {n + 1}", is_("n", n), {"n": n + 1}) for n in range(3)),
+        step("long", is_("n", 3), {"first": True}),
+        step("short", is_("n", 0), {"first": True, "n": 4}),
+    ]
+    flags = {"first": (FLAG, True), "second": (FLAG, True), "gone": (FLAG, False)}
+    problem = ask({**flags, "n": (Range(0, 4), 0)}, steps, Var("first"), Var("second"))
+    ground, tables = session_of(problem.system).variant(())
+    estimate = session_of(problem.system).guide(ground).estimate(problem, widely)
+    assert estimate is not None
+    assert estimate(tables.packing.pack((False, True, True, 0)), -1) == 1
+
+
+@pytest.mark.parametrize("widely", [False, True], ids=["quick", "wide"])
+def test_what_needs_an_action_that_is_never_enabled_is_estimated_all_the_same(widely: bool) -> None:
+    """Relaxed reachability takes it, for its conditions exclude each other only when they are taken apart."""
+    a, b = Var("a"), Var("b")
+    never = conjunction(
+        [disjunction([conjunction([a, negation(b)]), conjunction([a, negation(b), LAMP])]), disjunction([b, negation(a)])]
+    )
+    steps = [step("a", TRUE, {"a": True}), step("never", never, {"lamp": True}), step("end", LAMP, {"ended": True})]
+    problem = ask(dict.fromkeys(("a", "b", "lamp", "ended"), (FLAG, False)), steps, Var("ended"))
+    ground, tables = session_of(problem.system).variant(())
+    estimate = session_of(problem.system).guide(ground).estimate(problem, widely)
+    assert estimate is not None
+    assert estimate(tables.packing.pack(problem.initial), -1) >= 1

@@ -212,17 +212,21 @@ class Guide:
                             yield Last(at, (*target, *self._abstraction.written(condition)), condition)
 
     def _all_cases(self, goals: Sequence[Towards], support: Support, initial: int, widely: bool) -> list[Case]:
-        """What comes before each choice of last actions, if a plan may be like that."""
+        """What comes before each choice of last actions, if a plan may be like that.
+
+        Goals that do not hold at first come about in any case, before a state from where they are met or after. So a case is
+        left out if it cannot bring about those. The others may stay as they are, whatever a case says of them.
+        """
         orders = tuple(_orders(goals)) if widely else ((0,) * len(goals),)
         whole = sum(goal.before is None for goal in goals)
-        missing = [not goal.holds[initial & goal.part] for goal in goals]
-        above = union(1 << at for at, each in enumerate(missing) if each or not any(missing)) << self._of.packing.width
+        missing = union(1 << at for at, goal in enumerate(goals) if not goal.holds[initial & goal.part])
         cases = []
         for lasts in product(*(goal.lasts for goal in goals)):
             links = _links(lasts[:whole], support)
             threads = _threads(lasts, links, support) if widely else (_names(links),)
             cases += [self._case(lasts, order, threads, support.taken, widely) for order in orders]
-        return [case for case in cases if case.away(initial, above) < NEVER] or cases
+        above = missing << self._of.packing.width
+        return [case for case in cases if case.away(initial, above) < NEVER] if missing else cases
 
     def _case(
         self, lasts: tuple[Last, ...], order: Order, threads: tuple[frozenset[str], ...], taken: tuple[int, ...], widely: bool

@@ -127,7 +127,7 @@ class Loose(dict[Sets, bool]):
         self._fields, self._owner = fields, owner
 
     def __missing__(self, mask: Sets) -> bool:
-        self[mask] = bool(mask & ~self._fields[self._owner[mask & -mask]])
+        self[mask] = mask != 0 and bool(mask & ~self._fields[self._owner[mask & -mask]])
         return self[mask]
 
 
