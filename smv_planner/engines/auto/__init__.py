@@ -197,6 +197,34 @@ def _of_the_whole(part: Part, proof: Proof) -> Projected:
             return Projected(names, proof)
 
 
+class Look:
+    """A search for a plan that goes on where it has paused, as long as that can lead to one within the bound."""
+
+    def __init__(self, search: Search, means: Means) -> None:
+        self.search, self._means = search, means
+        self.found: Reached | Ended | Paused | Late = Paused(0, 0)
+        self.least = 0
+        """How many steps are known to be needed."""
+        self._searching = search.explore()
+
+    def goes_on(self, states: int) -> bool:
+        """Whether so many states would be looked at."""
+        bound, found = self.search.problem.bound, self.found
+        return isinstance(found, Paused) and found.number <= states and max(found.depth, self.least) <= bound
+
+    def on(self, states: int) -> None:
+        """Go on until something is found, or more than so many states were looked at."""
+        if self.goes_on(states):
+            self.found = _search(self._searching, self.search.problem, states, self._means)
+
+    def anew(self, fold: Fold | None = None) -> None:
+        """Begin again; with one of all states that fold into the same."""
+        if isinstance(self.found, Paused):
+            self.least = max(self.least, self.found.depth)
+        self.found = Paused(0, 0)
+        self._searching = self.search.explore(fold)
+
+
 def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, means: Means) -> Found | int:
     """Search states; when they are not few, try relaxed reachability, and leave out what does not matter or is too far.
 
@@ -206,14 +234,14 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     hard, states = warm.hard(ground), means.states
     tables.trim(means.memory // BYTES_PER_NODE // 4)
     search = Search(tables, problem)
-    searching = search.explore()
-    found = _search(searching, problem, min(SOME if hard else FEW, states), means)
-    if isinstance(found, Reached):
-        return replace(found, argument=SEARCHED)
+    look = Look(search, means)
+    look.on(min(SOME if hard else FEW, states))
+    if isinstance(look.found, Reached):
+        return replace(look.found, argument=SEARCHED)
     from smv_planner.engines.auto.patterns import NEVER
     from smv_planner.engines.auto.relaxed import out_of_reach
 
-    if isinstance(found, Paused | Ended):
+    if isinstance(look.found, Paused | Ended):
         warm.was_hard(ground)
         part = warm.parts(ground).needed(problem)
         if part:
@@ -228,65 +256,63 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
         work = len(ground.actions) * len(ground.clauses) * STATES_PER_PAIR
         return min(FEW if _many_alike(folding()) else max(FEW, work), states)
 
-    if not hard and _goes_on(found, problem, states) and _goes_on(found, problem, patience()):
-        found = _search(searching, problem, patience(), means)
-    if isinstance(found, Paused | Ended):
+    if not hard and look.goes_on(states):
+        look.on(patience())
+    if isinstance(look.found, Paused | Ended):
         proof = out_of_reach(warm.abstraction(ground), ground, problem)
         if proof:
             return Unreachable(proof, RELAXED)
     effort = len(ground.actions) * ground.packing.facts
-    if isinstance(found, Paused) and effort <= QUICK:
-        apart = _apart(found, problem, warm, ground, means.on_time, 1)
+    if isinstance(look.found, Paused) and effort <= QUICK:
+        apart = _apart(look.found, problem, warm, ground, means.on_time, 1)
         if apart:
             return apart
-    least = found.depth if isinstance(found, Paused) else 0
-    if _goes_on(found, problem, states):
-        guided = _guided(search, warm, ground, lambda: not _many_alike(folding()), means.on_time)
+    if look.goes_on(states):
+        guided = _guided(search, warm, ground, lambda: not _many_alike(folding()), means)
         if not isinstance(guided, int):
             return guided
         if guided < NEVER:  # that there is no way at all remains to be proved
-            least = max(least, guided)
-    if _goes_on(found, problem, states) and _goes_on(found, problem, patience()) and least <= problem.bound:
-        found = _search(searching, problem, patience(), means)
-    fold = folding() if _goes_on(found, problem, states) and least <= problem.bound else None
+            look.least = max(look.least, guided)
+    if look.goes_on(states):
+        look.on(patience())
+    fold = folding() if look.goes_on(states) else None
+    alike = 1 if fold is None else FOLDED
     if fold is not None:
-        searching = search.explore(fold)
+        look.anew(fold)
         if _many_alike(fold):
             states = min(states * FOLDED, means.memory // BYTES_PER_NODE)
             effort *= LASTING
-    alike = 1 if fold is None else FOLDED
-    if _goes_on(found, problem, states) and least <= problem.bound:
-        found = _search(searching, problem, min(effort, states), means)
-    if isinstance(found, Ended) or effort > QUICK:
-        apart = _apart(found, problem, warm, ground, means.on_time, alike)
+    look.on(min(effort, states))
+    if isinstance(look.found, Ended) or effort > QUICK:
+        apart = _apart(look.found, problem, warm, ground, means.on_time, alike)
         if apart:
             return apart
-    if _goes_on(found, problem, states) and least <= problem.bound:
-        found = _search(searching, problem, states, means)
-    if isinstance(found, Ended):
-        short = _short_proof(found, ground, problem, means.on_time, alike)
-        if short is None and fold is not None:
-            found = _search(search.explore(), problem, means.memory // BYTES_PER_NODE, means)
+    look.on(states)
+    if isinstance(look.found, Ended):
+        short = _short_proof(look.found, ground, problem, means.on_time, alike)
         if short is not None:
             return Unreachable(short, PRESERVED)
-        if isinstance(found, Ended):
-            return Unreachable(found.proof(), ALL_SEEN)
-    match found:
+        if fold is not None:
+            look.anew()
+            look.on(means.memory // BYTES_PER_NODE)
+        if isinstance(look.found, Ended):
+            return Unreachable(look.found.proof(), ALL_SEEN)
+    match look.found:
         case Reached():
-            return replace(found, argument=SEARCHED if fold is None else FOLDING)
+            return replace(look.found, argument=SEARCHED if fold is None else FOLDING)
         case Paused(depth):
-            return max(depth, least)
+            return max(depth, look.least)
         case Late(depth, deadline=False):  # SAT needs little memory
             tables.trim(0)
-            return max(depth, least)
-    return found
+            return max(depth, look.least)
+    return look.found
 
 
 def _many_alike(fold: Fold | None) -> bool:
     return fold is not None and fold.alike >= ALIKE
 
 
-def _guided(search: Search, warm: Session, ground: Ground, wide: Callable[[], bool], on_time: OnTime) -> Reached | Late | int:
+def _guided(search: Search, warm: Session, ground: Ground, wide: Callable[[], bool], means: Means) -> Reached | Late | int:
     """Search among states from which the goals may be near enough, if few are. A number says how many steps are needed.
 
     Where a quick estimate was not enough, a `wide` one is asked at once the next time.
@@ -303,20 +329,15 @@ def _guided(search: Search, warm: Session, ground: Ground, wide: Callable[[], bo
         remaining = search.remaining(estimate)
         least = limit = max(least, estimate(ground.packing.pack(problem.initial), -1))
         while left > 0 and least <= problem.bound:
-            found: Reached | Ended | Paused = Paused(least, 0)
-            for found in search.explore(within=(remaining, limit)):
-                match found:
-                    case Reached():
-                        return replace(found, argument=NEAR)
-                    case Paused(depth, number) if number > left:
-                        break
-                    case Paused(depth, number) if not on_time(f"{number} states, {depth} steps deep"):
-                        return Late(least)
-            assert isinstance(found, Paused)
-            if found.number <= left:
-                least = found.depth
-                limit = max(least, limit + STRIDE)
-            left -= found.number
+            match _search(search.explore(within=(remaining, limit)), problem, left, means):
+                case Reached() as found:
+                    return replace(found, argument=NEAR)
+                case Paused(depth, number):
+                    if number <= left:
+                        least, limit = depth, max(depth, limit + STRIDE)
+                    left -= number
+                case Late(_, deadline):
+                    return Late(least) if deadline else least
         if least > problem.bound:
             break
         guide.was_far(question)
@@ -349,18 +370,19 @@ def _goes_on(found: Reached | Ended | Paused | Late, problem: Problem, states: i
 def _search(
     searching: Iterator[Reached | Ended | Paused], problem: Problem, states: int, means: Means
 ) -> Reached | Ended | Paused | Late:
-    """Search until something is found, more than so many states were looked at, or the bound, the time or the memory is passed.
+    """Search to the end, or until more than so many states were looked at, or the bound, the time or the memory is passed.
 
     An entry of a memo takes about as much memory as a state.
     """
+    found: Reached | Ended | Paused = Paused(0, 0)
     for found in searching:
         if not isinstance(found, Paused) or found.number > states or found.depth > problem.bound:
-            return found
+            break
         if (found.number + found.memos) * BYTES_PER_NODE > means.memory:
             return Late(found.depth, deadline=False)
         if not means.on_time(f"{found.number} states, {found.depth} steps deep"):
             return Late(found.depth)
-    raise AssertionError("the search ends with a plan, at the bound, or because nothing is left")
+    return found
 
 
 def _short_proof(ended: Ended, ground: Ground, problem: Problem, on_time: OnTime, patience: int) -> Inductive | None:
