@@ -6,7 +6,7 @@ them. Conjunctions and disjunctions have any number of parts, so that no text ne
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from operator import attrgetter, is_
 from typing import Any
 
@@ -205,30 +205,33 @@ def rewritten(expr: Expr, replacement: Callable[[Expr], Expr | None]) -> Expr:
         return done[id(node)]
 
     def build(node: Expr) -> Expr:
-        old = parts_of(node)
-        new = tuple([of(part) for part in old])
-        if all(map(is_, old, new)):
-            return node
-        match node:
-            case Not():
-                return negation(new[0])
-            case And():
-                return conjunction(new)
-            case Or():
-                return disjunction(new)
-            case Equal():
-                return equality(*new)
-            case If():
-                condition, then, otherwise = new
-                if isinstance(condition, Const):
-                    return then if condition.value else otherwise
-                return If(condition, then, otherwise)
-            case Less() | Plus() | Minus():
-                folded = type(node)(*new)
-                return Const(meaning(folded, {})(())) if all(isinstance(part, Const) for part in new) else folded
-        return new[0]
+        return with_parts(node, [of(part) for part in parts_of(node)])
 
     return of(expr)
+
+
+def with_parts(node: Expr, new: Sequence[Expr]) -> Expr:
+    """A node with other parts, and constants folded; the node itself if they are the ones that it has."""
+    if all(map(is_, parts_of(node), new)):
+        return node
+    match node:
+        case Not():
+            return negation(new[0])
+        case And():
+            return conjunction(new)
+        case Or():
+            return disjunction(new)
+        case Equal():
+            return equality(*new)
+        case If():
+            condition, then, otherwise = new
+            if isinstance(condition, Const):
+                return then if condition.value else otherwise
+            return If(condition, then, otherwise)
+        case Less() | Plus() | Minus():
+            folded = type(node)(*new)
+            return Const(meaning(folded, {})(())) if all(isinstance(part, Const) for part in new) else folded
+    return new[0]
 
 
 Meaning = Callable[[tuple[Value, ...]], Value]

@@ -30,7 +30,7 @@ from smv_planner.model.expressions import (
     meaning,
     negation,
     parts_of,
-    rewritten,
+    with_parts,
 )
 from smv_planner.model.semantics import may_fire
 from smv_planner.model.system import Any, Invariant, State, System, Transition
@@ -75,6 +75,10 @@ JUDGED = 1_000_000
 """How often conditions may have been judged before all that is remembered of them starts afresh."""
 
 
+Assigned = tuple[tuple[str, Expr], ...]
+"""What variables get."""
+
+
 class Shared:
     """What is worked out of transitions, invariants and conditions; the same for all systems made from one base.
 
@@ -84,7 +88,7 @@ class Shared:
     def __init__(self, system: System) -> None:
         self.packing = Packing(system)
         self.reads = Reads()
-        self._substituted: dict[tuple[int, tuple[tuple[str, Expr], ...]], tuple[Expr, Expr]] = {}
+        self._after: dict[tuple[int, Assigned], tuple[Expr, Expr]] = {}
         self.compiled: dict[int, tuple[Expr, Callable[[int], frozenset[Value]]]] = {}  # for relaxed reachability
         self.hit: dict[int, tuple[Expr, tuple[int, ...] | None]] = {}
         self.held: dict[tuple[int, bool], tuple[Expr, Callable[[int], bool]]] = {}
@@ -93,7 +97,8 @@ class Shared:
         self._clauses: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}
         self._truths: dict[int, Truth] = {}
         self._narrow: dict[int, tuple[Expr, tuple[tuple[Expr, ...], ...]]] = {}
-        self._keeps: dict[tuple[int, int], tuple[Action, Expr, tuple[Expr, ...]]] = {}
+        self._alternatives: dict[int, tuple[Expr, tuple[Expr, ...]]] = {}
+        self._keeps: dict[tuple[int, Assigned], tuple[Expr, tuple[Expr, ...]]] = {}
 
     def actions(self, system: System) -> tuple[Action, ...]:
         return tuple(action for transition in system.transitions for action in self._actions_of(system, transition))
@@ -114,10 +119,10 @@ class Shared:
 
     def keeps(self, action: Action, clause: Expr) -> tuple[Expr, ...]:
         """What a clause asks of the state before an action, for it to hold after."""
-        key = id(action), id(clause)
+        key = id(clause), self._read_of(action.assigned, clause)
         if key not in self._keeps:
-            self._keeps[key] = action, clause, tuple(conjuncts(self._after(alternatives(clause), action.assigned)))
-        return self._keeps[key][2]
+            self._keeps[key] = clause, tuple(conjuncts(self._before(clause, dict(key[1]))))
+        return self._keeps[key][1]
 
     def truth(self, condition: Expr, names: Sequence[str]) -> Truth:
         if id(condition) not in self._truths:
@@ -160,42 +165,43 @@ class Shared:
     def trim(self) -> None:
         """Forget what is only remembered to be quicker, if that has become much."""
         self.reads.trim()
-        if self.judged + len(self._keeps) > JUDGED:
+        if self.judged + len(self._keeps) + len(self._after) > JUDGED:
             self.judged = 0
             for truth in self._truths.values():
                 truth.clear()
-            for known in (self._actions, self._clauses, self._truths, self._narrow, self._keeps, self._substituted):
+            by_transition = self._actions, self._clauses, self._keeps, self._after
+            for known in (*by_transition, self._alternatives, self._truths, self._narrow):
                 known.clear()
 
-    def _after(self, parts: tuple[Expr, ...], assigned: Mapping[str, Expr]) -> Expr:
+    def _read_of(self, assigned: Mapping[str, Expr], expr: Expr) -> Assigned:
+        """What is assigned to variables that an expression reads."""
+        names = self.reads(expr)
+        return tuple([(name, value) for name, value in assigned.items() if name in names])
+
+    def _before(self, clause: Expr, assigned: Mapping[str, Expr]) -> Expr:
+        """What has to hold for a clause to hold after what is assigned."""
+        if id(clause) not in self._alternatives:
+            self._alternatives[id(clause)] = clause, alternatives(clause)
         left = []
-        for part in parts:
-            names = self.reads(part)
-            if not names.isdisjoint(assigned):
-                part = self._decided(part, names, assigned)
-                if isinstance(part, Const):
-                    if part.value:
-                        return TRUE
-                    continue
-            left.append(part)
+        for part in self._alternatives[id(clause)][1]:
+            before = self._substituted(part, assigned)
+            if before is part or not isinstance(before, Const):
+                left.append(before)
+            elif before.value:
+                return TRUE
         return FALSE if not left else left[0] if len(left) == 1 else Or(tuple(left))
 
-    def _decided(self, part: Expr, names: frozenset[str], assigned: Mapping[str, Expr]) -> Expr:
-        touched = tuple((name, value) for name, value in assigned.items() if name in names)
-        key = (id(part), touched)
-        if key not in self._substituted:
-            name, value = touched[0]
-            if len(names) == 1 and isinstance(value, Const):
-                decided: Expr = Const(bool(meaning(part, {name: 0})((value.value,))))
-            else:
-                decided = rewritten(part, lambda node: self._substitute(node, assigned))
-            self._substituted[key] = part, decided
-        return self._substituted[key][1]
-
-    def _substitute(self, node: Expr, assigned: Mapping[str, Expr]) -> Expr | None:
-        if isinstance(node, Var):
-            return assigned.get(node.name, node)
-        return node if self.reads(node).isdisjoint(assigned) else None
+    def _substituted(self, expr: Expr, assigned: Mapping[str, Expr]) -> Expr:
+        """An expression with what is assigned in place of its variables. Expressions have many parts in common."""
+        if isinstance(expr, Var):
+            return assigned.get(expr.name, expr)
+        touched = self._read_of(assigned, expr)
+        if not touched:
+            return expr
+        key = id(expr), touched
+        if key not in self._after:
+            self._after[key] = expr, with_parts(expr, [self._substituted(part, assigned) for part in parts_of(expr)])
+        return self._after[key][1]
 
 
 class Truth(dict[int, bool]):

@@ -11,9 +11,10 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
+from math import prod
 
 from smv_planner.clock import look
-from smv_planner.engines.auto.grounding import Ground, dealt_out, union
+from smv_planner.engines.auto.grounding import DEALT_OUT, Ground, alternatives, union
 from smv_planner.lazy import dataclass
 from smv_planner.model.domains import Value
 from smv_planner.model.expressions import (
@@ -159,6 +160,7 @@ class Abstraction:
         self._parts: dict[tuple[int, bool], tuple[Expr, list[Sets] | None]] = {}
         self._asked_of: dict[int, tuple[Expr, Condition]] = {}
         self._needs: dict[int, tuple[Sets, ...]] = {}
+        self._dealt: dict[int, tuple[Expr, tuple[Sets, ...]]] = {}
         self.assigned = tuple(action.assigned for action in of.actions)
         self._hits: dict[Sets, Hits] = {}  # by what has to be hit
         self.actions = tuple(
@@ -168,7 +170,7 @@ class Abstraction:
         self.allowed = self.condition(of.clauses)
         self._parts.clear()
         self._by_bit = {1 << action.number: action for action in self.actions}
-        self._hit_by = {bit: self._woken(bit) for bit in each_bit((1 << width) - 1)}
+        self._hit_by = self._woken((1 << width) - 1)
         self._last: tuple[State, int, Support] | None = None
         self.owner = {bit: at for at, bits in enumerate(self._bits) for bit in bits.values()}
         self.loose = Loose(self._field, self.owner)
@@ -199,10 +201,30 @@ class Abstraction:
     def needs(self, at: int) -> tuple[Sets, ...]:
         """What has to be hit for an action, as closely as it can be said: whatever is a conjunction is dealt out."""
         if at not in self._needs:
-            action = self._of.actions[at]
-            parts = (*action.conditions, *self._of.keeps[at])
-            self._needs[at] = tuple(self.condition(each for part in parts for each in dealt_out(part)).to_hit())
+            look()
+            narrow, masks = -1, dict[Sets, None]()
+            for part in (*self._of.actions[at].conditions, *self._of.keeps[at]):
+                for mask in self._dealt_out(part):
+                    if mask and not self.loose[mask]:
+                        field = self._field[self.owner[mask & -mask]]
+                        narrow &= ~field | mask
+                        mask = field
+                    masks.setdefault(mask)
+            self._needs[at] = tuple(mask & narrow for mask in masks)
         return self._needs[at]
+
+    def _dealt_out(self, part: Expr) -> tuple[Sets, ...]:
+        """Masks that have to be hit for a predicate to hold, also where one of its alternatives is a conjunction."""
+        if id(part) not in self._dealt:
+            parts = [tuple(conjuncts(each)) for each in alternatives(part)]
+            if 1 != prod(map(len, parts)) <= DEALT_OUT:
+                hits = ([self._to_hit(each, True) for each in some] for some in parts)
+                found = (self._one_of(chosen) for chosen in product(*hits))
+                masks = tuple(mask for hit in found if hit is not None for mask in self._in_doubt(hit))
+            else:
+                masks = self._masks(part) or ()
+            self._dealt[id(part)] = part, masks
+        return self._dealt[id(part)][1]
 
     def asked(self, predicate: Expr) -> Condition:
         """What a predicate asks of an allowed state."""
@@ -249,13 +271,19 @@ class Abstraction:
                     hits.append(masks)
                 if isinstance(part, And) is wanted:
                     return [mask for masks in hits for mask in masks]
-                found: list[Sets] = [0]
-                for masks in hits:
-                    found = list(dict.fromkeys(one | other for one, other in product(found, masks)))
-                    if len(found) > MASKS:
-                        return None
-                return found
+                return self._one_of(hits)
         return None
+
+    def _one_of(self, hits: Iterable[list[Sets] | None]) -> list[Sets] | None:
+        """What has to be hit where all of one of these have to; None if that is too much, or one is not like that."""
+        found: list[Sets] = [0]
+        for masks in hits:
+            if masks is None:
+                return None
+            found = list(dict.fromkeys(one | other for one, other in product(found, masks)))
+            if len(found) > MASKS:
+                return None
+        return found
 
     def _asked(self, part: Expr, wanted: bool) -> list[Sets]:
         """What a predicate on one variable asks for: nothing, if it always is as wanted."""
@@ -383,10 +411,18 @@ class Abstraction:
                 woken &= waiting
         return Support(self, begin, sets, tuple(sorted(taken)), frozenset(taken), first)
 
-    def _woken(self, bit: Sets) -> tuple[Hits, int]:
-        """What a value hits, and which actions ask for some of that."""
-        hits = union(hit for mask, hit in self._hits.items() if mask & bit)
-        return hits, union(1 << at for at, action in enumerate(self.actions) if action.asks & hits)
+    def _woken(self, facts: Sets) -> dict[Sets, tuple[Hits, int]]:
+        """For each value what it hits, and which actions ask for some of that."""
+        asking = dict.fromkeys(self._hits.values(), 0)
+        for at, action in enumerate(self.actions):
+            for hit in each_bit(action.asks):
+                asking[hit] |= 1 << at
+        found = dict.fromkeys(each_bit(facts), (0, 0))
+        for mask, hit in self._hits.items():
+            for bit in each_bit(mask):
+                hits, actions = found[bit]
+                found[bit] = hits | hit, actions | asking[hit]
+        return found
 
     def forced(self, condition: Condition, allowed: Condition) -> Condition | None:
         """The condition together with what it leaves of single variables where `allowed` holds too; None if nothing is left."""
