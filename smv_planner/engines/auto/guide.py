@@ -142,6 +142,7 @@ class Guide:
         self._lasts: dict[object, tuple[Last, ...]] = {}
         self._cases: dict[object, Case] = {}
         self._far: set[object] = set()
+        self._implies: dict[int, tuple[Expr, ...]] = {}
 
     def far(self, question: object) -> bool:
         """Whether a quick estimate was not enough for a question."""
@@ -267,10 +268,18 @@ class Guide:
                 if sum(len(pattern.following) for pattern in self._patterns.values()) > KEPT:
                     for known in (self._patterns, self._distances, self._cases):
                         known.clear()
-                self._patterns[key] = Pattern(of, self._clauses, *key)
+                self._patterns[key] = Pattern(of, self._clauses, *key, self._implied)
             if (key, order) not in self._distances:
                 self._distances[key, order] = Distances(self._patterns[key], order)
             yield self._distances[key, order]
+
+    def _implied(self, at: int) -> tuple[Expr, ...]:
+        """What single variables have to be worth for an action to lead from an allowed state to another."""
+        if at not in self._implies:
+            parts = (*self._of.actions[at].conditions, *(part for keep in self._of.keeps[at] for part in dealt_out(keep)))
+            condition = self._abstraction.forced(self._abstraction.condition(parts), self._allowed)
+            self._implies[at] = (FALSE,) if condition is None else tuple(self._abstraction.written(condition))
+        return self._implies[at]
 
     def _split(self, names: frozenset[str], actions: Mapping[int, Action], bits: int) -> list[frozenset[str]]:
         """The variables, apart where no action changes both; joined where most conditions speak of both."""

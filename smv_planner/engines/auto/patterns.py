@@ -7,7 +7,7 @@ that the distances of all parts may be added.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import product
 
 from smv_planner.clock import Over, look
@@ -40,16 +40,20 @@ class Pattern:
         counted: Sequence[int],
         free: Sequence[int],
         targets: Sequence[Target],
+        implied: Callable[[int], tuple[Expr, ...]],
     ) -> None:
         self.part = of.packing.mask(names)
         self.width = of.packing.width
         self.targets = len(targets)
-        counting, idle = ([piece for at in some for piece in _within(of, of.actions[at], names)] for some in (counted, free))
+
+        def within(at: int) -> Iterator[Action]:
+            return _within(of, of.actions[at], implied(at), names)
+
+        counting, idle = ([piece for at in some for piece in within(at)] for some in (counted, free))
         last, self._lasts = [], []
         for number, (at, target) in enumerate(targets):
-            action = of.actions[at]
-            for piece in tuple(_within(of, action, names)) or (Action(action.transition, (), {}),):
-                last.append(Action(action.transition, tuple(target), piece.assigned))
+            for piece in tuple(within(at)) or (Action(of.actions[at].transition, (), {}),):
+                last.append(Action(piece.transition, tuple(target), piece.assigned))
                 self._lasts.append((1 << number, at, int(at in counted)))
         allowed = tuple(clause for clause in clauses if of.reads(clause) <= names)
         self._tables = Freely(Ground(of.system, (*counting, *idle, *last), allowed, of.shared), len(counting), len(last))
@@ -180,12 +184,12 @@ def _backwards(following: Mapping[int, Iterable[int]]) -> dict[int, list[int]]:
     return before
 
 
-def _within(of: Ground, action: Action, pattern: frozenset[str]) -> Iterator[Action]:
+def _within(of: Ground, action: Action, implied: tuple[Expr, ...], pattern: frozenset[str]) -> Iterator[Action]:
     """What an action does to a pattern. Where that depends on other variables, it may do anything."""
     assigned = {name: value for name, value in action.assigned.items() if name in pattern}
     if assigned:
         open_ = [name for name, value in assigned.items() if not variables_of(value) <= pattern]
-        conditions = tuple(part for part in action.conditions if of.reads(part) <= pattern)
+        conditions = tuple(part for part in (*action.conditions, *implied) if of.reads(part) <= pattern)
         for values in product(*(of.system.domains[name].values for name in open_)):
             chosen = {name: Const(value) for name, value in zip(open_, values, strict=True)}
             yield Action(action.transition, conditions, {**assigned, **chosen})
