@@ -71,6 +71,9 @@ EXPRESSIONS = 200_000
 DEALT_OUT = 8
 """How many conjuncts of an alternative are dealt out at most."""
 
+FEW_BITS = 8
+"""How many bits a condition reads at most for it to be judged as a whole."""
+
 JUDGED = 1_000_000
 """How often conditions may have been judged before all that is remembered of them starts afresh."""
 
@@ -213,18 +216,37 @@ class Truth(dict[int, bool]):
         self._condition = condition
         self._names = names
 
-    @cached_property
-    def _holds(self) -> Callable[[State], Value]:
-        return meaning(self._condition, {name: at for at, name in enumerate(self._names)})
-
-    @cached_property
-    def _readers(self) -> list[tuple[int, int, tuple[Value, ...]]]:
-        return [self._shared.packing.reader[name] for name in self._names]
-
     def __missing__(self, part: int) -> bool:
         self._shared.judged += 1
-        result = self[part] = bool(self._holds(tuple([values[part >> shift & mask] for shift, mask, values in self._readers])))
+        result = self[part] = self._judge(part)
         return result
+
+    @cached_property
+    def _judge(self) -> Callable[[int], bool]:
+        """What reads many bits is judged by its parts: each has few values, which come again and again."""
+        packing = self._shared.packing
+        if packing.mask(self._names).bit_count() > FEW_BITS:
+            for parts, every in ((tuple(conjuncts(self._condition)), True), (alternatives(self._condition), False)):
+                if len(parts) > 1:
+                    return self._connected(parts, every)
+        holds = meaning(self._condition, {name: at for at, name in enumerate(self._names)})
+        readers = [packing.reader[name] for name in self._names]
+        return lambda part: bool(holds(tuple([values[part >> shift & mask] for shift, mask, values in readers])))
+
+    def _connected(self, parts: Iterable[Expr], every: bool) -> Callable[[int], bool]:
+        """`every` part has to hold, or one of them."""
+        shared, judged = self._shared, []
+        for each in parts:
+            names = sorted(shared.reads(each), key=shared.packing.order.__getitem__)
+            judged.append((shared.packing.mask(names), Truth(shared, each, names)))
+
+        def judge(part: int) -> bool:
+            for mask, truth in judged:
+                if truth[part & mask] is not every:
+                    return not every
+            return every
+
+        return judge
 
 
 @dataclass(frozen=True, eq=False)

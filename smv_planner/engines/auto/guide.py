@@ -276,8 +276,7 @@ class Guide:
     def _implied(self, at: int) -> tuple[Expr, ...]:
         """What single variables have to be worth for an action to lead from an allowed state to another."""
         if at not in self._implies:
-            parts = (*self._of.actions[at].conditions, *(part for keep in self._of.keeps[at] for part in dealt_out(keep)))
-            condition = self._abstraction.forced(self._abstraction.condition(parts), self._allowed)
+            condition = self._abstraction.forced(self._abstraction.closely(at), self._allowed)
             self._implies[at] = (FALSE,) if condition is None else tuple(self._abstraction.written(condition))
         return self._implies[at]
 

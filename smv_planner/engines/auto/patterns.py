@@ -59,8 +59,8 @@ class Pattern:
         self._tables = Freely(Ground(of.system, (*counting, *idle, *last), allowed, of.shared), len(counting), len(last))
         self.following: dict[int, tuple[int, ...]] = {}
         self.beside: dict[int, tuple[int, ...]] = {}
-        self.met: list[tuple[int, int, int, int]] = []
-        """A state, the targets that are met by an action, what follows on that, and how much the action counts."""
+        self.met: dict[int, tuple[tuple[int, int, int], ...]] = {}
+        """By state the targets that are met by an action, what follows on that, and how much the action counts."""
 
     def explore(self, start: int) -> bool:
         """Add what can follow on a state; False if there are too many."""
@@ -95,10 +95,15 @@ class Pattern:
                 self.beside[node] = tuple(found)
                 waiting += found
             if met:
-                waiting += self._meet(node, met)
+                self.met[node] = tuple(self._meet(node, met))
+                waiting += [after for _, after, _ in self.met[node]]
 
-    def _meet(self, node: int, met: int) -> Iterator[int]:
-        """Note which targets are met by what follows on a state, and yield that."""
+    def stuck(self, node: int) -> bool:
+        """Whether nothing follows on an explored state: above all on one that is not allowed."""
+        return not (self.following[node] or node in self.beside or node in self.met)
+
+    def _meet(self, node: int, met: int) -> Iterator[tuple[int, int, int]]:
+        """Which targets are met by what follows on a state."""
         moves = self._tables.moves[-len(self._lasts) :]
         found: dict[tuple[int, int, int], int] = {}
         for number, (bit, at, cost) in enumerate(self._lasts):
@@ -106,8 +111,7 @@ class Pattern:
                 key = moves[number].after(node), at, cost
                 found[key] = found.get(key, 0) | bit
         for (after, _, cost), bits in found.items():
-            self.met.append((node, bits, after, cost))
-            yield after
+            yield bits, after, cost
 
 
 class Distances(dict[int, int]):
@@ -130,7 +134,10 @@ class Distances(dict[int, int]):
     def __missing__(self, key: int) -> int:
         if not self._pattern.explore(key & self.part):
             return 0
-        self._measure()
+        if self._pattern.stuck(key & self.part):  # others are as far as before
+            self[key] = NEVER
+        else:
+            self._measure()
         return self[key]
 
     def _measure(self) -> None:
@@ -144,11 +151,12 @@ class Distances(dict[int, int]):
     def _nearest(self, still: int) -> dict[int, list[int]]:
         """Where one of the targets is met, by how many steps all others then take."""
         nearest: dict[int, list[int]] = {}
-        for node, bits, after, cost in self._pattern.met:
-            now = self._in_turn(bits & still, still)
-            if now:
-                left = still & ~now
-                nearest.setdefault(cost + self[after | left << self._pattern.width] if left else 0, []).append(node)
+        for node, met in self._pattern.met.items():
+            for bits, after, cost in met:
+                now = self._in_turn(bits & still, still)
+                if now:
+                    left = still & ~now
+                    nearest.setdefault(cost + self[after | left << self._pattern.width] if left else 0, []).append(node)
         return {steps: nodes for steps, nodes in nearest.items() if steps < NEVER}
 
     def _in_turn(self, bits: int, still: int) -> int:

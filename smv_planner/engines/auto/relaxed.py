@@ -199,19 +199,23 @@ class Abstraction:
         return Condition(narrow, tuple(masks), Others(self.fields(read), tuple(judged)))
 
     def needs(self, at: int) -> tuple[Sets, ...]:
-        """What has to be hit for an action, as closely as it can be said: whatever is a conjunction is dealt out."""
+        """What has to be hit for an action, as closely as it can be said."""
         if at not in self._needs:
-            look()
-            narrow, masks = -1, dict[Sets, None]()
-            for part in (*self._of.actions[at].conditions, *self._of.keeps[at]):
-                for mask in self._dealt_out(part):
-                    if mask and not self.loose[mask]:
-                        field = self._field[self.owner[mask & -mask]]
-                        narrow &= ~field | mask
-                        mask = field
-                    masks.setdefault(mask)
-            self._needs[at] = tuple(mask & narrow for mask in masks)
+            self._needs[at] = self.closely(at).to_hit()
         return self._needs[at]
+
+    def closely(self, at: int) -> Condition:
+        """What an action asks for, as closely as it can be said: whatever is a conjunction is dealt out."""
+        look()
+        narrow, masks = -1, dict[Sets, None]()
+        for part in (*self._of.actions[at].conditions, *self._of.keeps[at]):
+            for mask in self._dealt_out(part):
+                if mask and not self.loose[mask]:
+                    field = self._field[self.owner[mask & -mask]]
+                    narrow &= ~field | mask
+                    mask = field
+                masks.setdefault(mask)
+        return Condition(narrow, tuple(masks), self.actions[at].condition.others)
 
     def _dealt_out(self, part: Expr) -> tuple[Sets, ...]:
         """Masks that have to be hit for a predicate to hold, also where one of its alternatives is a conjunction."""
