@@ -388,17 +388,21 @@ class Judgement(dict[int, int]):
         self[part] = result
         return result
 
+    def entries(self) -> int:
+        return len(self)
+
+    def forget(self) -> None:
+        self.clear()
+
 
 class View(dict[int, int]):
     """A part of the state, and the mask that everything judged by this part leaves."""
 
-    def __init__(self, judgements: Iterable[Judgement], full: int) -> None:
+    def __init__(self, judgements: Iterable[Judgement | View], full: int) -> None:
         super().__init__()
         self._judgements = [(judgement.part, judgement) for judgement in judgements]
         self._full = full
-        self.part = 0
-        for bits, _ in self._judgements:
-            self.part |= bits
+        self.part: int = union(bits for bits, _ in self._judgements)
 
     def __missing__(self, part: int) -> int:
         result = self._full
@@ -408,12 +412,12 @@ class View(dict[int, int]):
         return result
 
     def entries(self) -> int:
-        return len(self) + sum(len(judgement) for _, judgement in self._judgements)
+        return len(self) + sum(judgement.entries() for _, judgement in self._judgements)
 
     def forget(self) -> None:
         self.clear()
         for _, judgement in self._judgements:
-            judgement.clear()
+            judgement.forget()
 
 
 VIEW_BITS = 16
@@ -423,7 +427,10 @@ VIEW_BITS = 16
 def views(
     shared: Shared, needs: Mapping[Expr, int], full: int, truth: Callable[[Expr, Sequence[str]], Truth]
 ) -> tuple[View, ...]:
-    """Views that together say which bits of `full` survive: those whose conditions all hold, as `truth` knows."""
+    """Views that together say which bits of `full` survive: those whose conditions all hold, as `truth` knows.
+
+    What reads few bits is judged by smaller views, whose values come again and again.
+    """
     alike: dict[frozenset[str], list[tuple[Expr, int]]] = {}
     for condition, bits in needs.items():
         alike.setdefault(shared.reads(condition), []).append((condition, bits))
@@ -434,6 +441,16 @@ def views(
         truths = [(truth(condition, ordered), bits) for condition, bits in conditions]
         judgements.append(Judgement(shared.packing.mask(names), truths, full))
     judgements.sort(key=lambda judgement: -judgement.part.bit_count())  # stable: equal widths stay in order
+    found = []
+    for group in _grouped(judgements, VIEW_BITS):
+        small = [each for each in group if each.part.bit_count() < FEW_BITS]
+        large = [each for each in group if each.part.bit_count() >= FEW_BITS]
+        found.append(View([*large, *(View(each, full) for each in _grouped(small, FEW_BITS))], full))
+    return tuple(found)
+
+
+def _grouped(judgements: Iterable[Judgement], most: int) -> list[list[Judgement]]:
+    """Judgements, widest first, of which those go together that read little more together."""
     groups: list[tuple[int, list[Judgement]]] = []
     for judgement in judgements:
         look()
@@ -441,7 +458,7 @@ def views(
         room = [
             ((part & ~bits).bit_count(), at)
             for at, (bits, _) in enumerate(groups)
-            if not part & ~bits or (part | bits).bit_count() <= VIEW_BITS
+            if not part & ~bits or (part | bits).bit_count() <= most
         ]
         if room:
             at = min(room)[1]
@@ -450,7 +467,7 @@ def views(
             groups[at] = (bits | part, kept)
         else:
             groups.append((part, [judgement]))
-    return tuple(View(kept, full) for _, kept in groups)
+    return [kept for _, kept in groups]
 
 
 def needs_of(conditions: Iterable[tuple[Iterable[Expr], int]]) -> dict[Expr, int]:
