@@ -1,12 +1,21 @@
 """Distances in small parts of a system: never too far, and no other plan is found with them than without."""
 
 from collections.abc import Iterator
+from contextlib import suppress
+from itertools import permutations, product
+from random import Random
 
 import pytest
 from engines.questions import FLAG, LAMP, WORDS, Actions, ask, auto, is_, step, up
+from engines.test_auto import questions_about_one_system
+from engines.test_auto_deadlines import Clock
 from generated import question
 
+from smv_planner import clock
+from smv_planner.clock import Over
 from smv_planner.engines.auto import patterns
+from smv_planner.engines.auto.grounding import Ground
+from smv_planner.engines.auto.guide import Guide
 from smv_planner.engines.auto.search import Estimate, Paused, Search, Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.lazy import replace
@@ -74,6 +83,34 @@ def test_the_plan_is_the_one_found_without_leaving_out_what_is_too_far(seeds: ra
     assert fewer > 10
 
 
+@pytest.mark.parametrize("seeds", [range(at, at + 12) for at in range(6000, 6024, 12)], ids=str)
+def test_what_a_guide_says_does_not_depend_on_what_it_was_asked_before(seeds: range) -> None:
+    """Questions about one system in a row, from other states; each left somewhere, and then asked again."""
+    left = said = 0
+    for seed in seeds:
+        random = Random(seed)
+        guides: dict[Ground, Guide] = {}
+        for problem, widely in product(questions_about_one_system(seed, 8), (False, True)):
+            session = session_of(problem.system)
+            ground, tables = session.variant(problem.allowed)
+            nodes = [tables.packing.pack(state) for state in seen_from(problem)]
+            guide = guides.setdefault(ground, Guide(ground, session.abstraction(ground)))
+            with suppress(Over), clock.watched(Clock(random.randrange(40))):
+                left += 1
+                asked(guide, problem, widely, nodes)
+                left -= 1
+            cold = asked(Guide(ground, session.abstraction(ground)), problem, widely, nodes)
+            assert asked(guide, problem, widely, nodes) == cold
+            said += sum(steps > 1 for steps in cold)
+    assert left > 20
+    assert said > 500
+
+
+def asked(guide: Guide, problem: Problem, widely: bool, nodes: list[int]) -> list[int]:
+    estimate = guide.estimate(problem, widely)
+    return [] if estimate is None else [estimate(node, -1) for node in nodes]
+
+
 def test_what_has_too_many_states_says_nothing_and_is_not_measured_again_and_again(monkeypatch: pytest.MonkeyPatch) -> None:
     measured = []
     monkeypatch.setattr(
@@ -87,6 +124,32 @@ def test_what_has_too_many_states_says_nothing_and_is_not_measured_again_and_aga
         assert estimate is not None
         assert [estimate(tables.packing.pack((n,)), -1) for n in range(9)] == list(steps)
     assert len(measured) == 1
+
+
+def test_what_is_half_explored_is_not_kept() -> None:
+    problem = ask({"n": (Range(0, 2999), 2990)}, [up], is_("n", 2999))
+    ground, tables = session_of(problem.system).variant(())
+    estimate = session_of(problem.system).guide(ground).estimate(problem, False)
+    assert estimate is not None
+    first, left = tables.packing.pack((0,)), 0
+    for looks in range(5):
+        with suppress(Over), clock.watched(Clock(looks)):
+            left += 1
+            estimate(first, -1)
+            left -= 1
+    assert left > 2
+    assert estimate(first, -1) == 2999
+
+
+def test_orders_that_differ_in_other_targets_share_distances() -> None:
+    """Of three targets there are six orders of all, two of each pair, and one of each alone."""
+    problem = ask({"n": (Range(0, 9), 0)}, [up], is_("n", 9))
+    ground, _ = session_of(problem.system).variant(())
+    targets = [(0, frozenset([is_("n", at)])) for at in range(3)]
+    pattern = patterns.Pattern(ground, (), frozenset("n"), (0,), (), targets, lambda at: ())
+    orders = [tuple(sum(1 << other for other in order[: order.index(at)]) for at in range(3)) for order in permutations(range(3))]
+    assert len({id(pattern.distances(still, order)) for still in range(1, 8) for order in orders}) == 6 + 3 * 2 + 3
+    assert [pattern.distances(0b111, order)[0] for order in orders].count(2) == 1
 
 
 def test_a_step_towards_several_goals_counts_once() -> None:

@@ -7,7 +7,7 @@ that the distances of all parts may be added.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import product
 
 from smv_planner.clock import Over, look
@@ -43,8 +43,6 @@ class Pattern:
         implied: Callable[[int], tuple[Expr, ...]],
     ) -> None:
         self.part = of.packing.mask(names)
-        self.width = of.packing.width
-        self.targets = len(targets)
 
         def within(at: int) -> Iterator[Action]:
             return _within(of, of.actions[at], implied(at), names)
@@ -57,53 +55,67 @@ class Pattern:
                 self._lasts.append((1 << number, at, int(at in counted)))
         allowed = tuple(clause for clause in clauses if of.reads(clause) <= names)
         self._tables = Freely(Ground(of.system, (*counting, *idle, *last), allowed, of.shared), len(counting), len(last))
-        self.following: dict[int, tuple[int, ...]] = {}
-        self.beside: dict[int, tuple[int, ...]] = {}
-        self.met: dict[int, tuple[tuple[int, int, int], ...]] = {}
-        """By state the targets that are met by an action, what follows on that, and how much the action counts."""
+        self._distances: dict[tuple[int, Order], Distances] = {}
+        self.states: set[int] = set()
+        """What follows on any of these is one of them, except where there are too many."""
+        self.stuck: set[int] = set()
+        """Those on which nothing follows: above all what is not allowed."""
+        self.before: dict[int, list[int]] = {}
+        """From where a step that counts leads to a state."""
+        self.beside: dict[int, list[int]] = {}
+        """From where a step that does not count leads to a state."""
+        self.met: list[tuple[int, int, int, int]] = []
+        """A state, the targets that are met by an action, what follows on that, and how much the action counts."""
+
+    def distances(self, still: int, order: Order) -> Distances:
+        """To the targets that are still to be met; the same for all orders that differ in other targets only."""
+        key = still, tuple(before & still for at, before in enumerate(order) if still >> at & 1)
+        if key not in self._distances:
+            self._distances[key] = Distances(self, still, order)
+        return self._distances[key]
+
+    def size(self) -> int:
+        """How many states and distances are kept."""
+        return len(self.states) + sum(map(len, self._distances.values()))
 
     def explore(self, start: int) -> bool:
         """Add what can follow on a state; False if there are too many."""
         try:
             self._explore(start)
         except Over:  # what is half explored would seem to lead nowhere
-            self.following.clear()
-            self.beside.clear()
-            self.met.clear()
+            for known in (self.states, self.stuck, self.before, self.beside, self.met):
+                known.clear()
             raise
-        return len(self.following) <= STATES
+        return len(self.states) <= STATES
 
     def _explore(self, start: int) -> None:
-        following, ahead = self.following, self._tables.ahead
+        states, ahead = self.states, self._tables.ahead
         views = [(view.part, view) for view in self._tables.views]
         waiting = [start]
-        while waiting and len(following) <= STATES:
+        while waiting and len(states) <= STATES:
             node = waiting.pop()
-            if node in following:
+            if node in states:
                 continue
-            if len(following) % 1024 == 0:
+            if len(states) % 1024 == 0:
                 look()
+            states.add(node)
             mask = self._tables.full
             for part, view in views:
                 mask &= view[node & part]
             met, counted, free = ahead[mask]
-            found = counted.after(node)
-            following[node] = tuple(found)  # unlike a list, soon nothing to the garbage collector
-            waiting += found
-            if free:
-                found = free.after(node)
-                self.beside[node] = tuple(found)
-                waiting += found
+            for moves, sources in ((counted, self.before), (free, self.beside)):
+                if moves:
+                    found = moves.after(node)
+                    for after in found:
+                        sources.setdefault(after, []).append(node)
+                    waiting += found
             if met:
-                self.met[node] = tuple(self._meet(node, met))
-                waiting += [after for _, after, _ in self.met[node]]
+                waiting += self._meet(node, met)
+            if not (met or counted or free):
+                self.stuck.add(node)
 
-    def stuck(self, node: int) -> bool:
-        """Whether nothing follows on an explored state: above all on one that is not allowed."""
-        return not (self.following[node] or node in self.beside or node in self.met)
-
-    def _meet(self, node: int, met: int) -> Iterator[tuple[int, int, int]]:
-        """Which targets are met by what follows on a state."""
+    def _meet(self, node: int, met: int) -> Iterator[int]:
+        """Note which targets are met by what follows on a state, and yield that."""
         moves = self._tables.moves[-len(self._lasts) :]
         found: dict[tuple[int, int, int], int] = {}
         for number, (bit, at, cost) in enumerate(self._lasts):
@@ -111,85 +123,74 @@ class Pattern:
                 key = moves[number].after(node), at, cost
                 found[key] = found.get(key, 0) | bit
         for (after, _, cost), bits in found.items():
-            yield bits, after, cost
+            self.met.append((node, bits, after, cost))
+            yield after
 
 
 class Distances(dict[int, int]):
-    """How many steps that count are needed at least until each of a pattern's targets has been met once.
+    """How many steps that count are needed at least until each target that is `still` to be met has been met once.
 
-    Looked up by the bits of the pattern, and above them a bit for each target that is still to be met. The step by which the
-    last of them is met does not count.
+    Looked up by the bits of the pattern. The step by which the last of the targets is met does not count. When the pattern
+    comes to have more states, what is known of others stays right: all that can follow on them was there before.
     """
 
-    def __init__(self, pattern: Pattern, order: Order) -> None:
+    def __init__(self, pattern: Pattern, still: int, order: Order) -> None:
         super().__init__()
         self.part = pattern.part
         self._pattern = pattern
+        self._still = still
         self._order = order
 
-    def about(self, still: int) -> object:
-        """What the distances to some targets depend on."""
-        return id(self._pattern), tuple(before & still for at, before in enumerate(self._order) if still >> at & 1)
-
-    def __missing__(self, key: int) -> int:
-        if not self._pattern.explore(key & self.part):
+    def __missing__(self, node: int) -> int:
+        if not self._pattern.explore(node):
             return 0
-        if self._pattern.stuck(key & self.part):  # others are as far as before
-            self[key] = NEVER
+        if node in self._pattern.stuck:  # others are as far as before
+            self[node] = NEVER
         else:
             self._measure()
-        return self[key]
+        return self[node]
 
     def _measure(self) -> None:
-        of = self._pattern
-        before, beside = _backwards(of.following), _backwards(of.beside)
-        for still in range(1, 1 << of.targets):  # a set of targets comes after the smaller ones in it
-            above = still << of.width
-            self.update(dict.fromkeys([node | above for node in of.following], NEVER))
-            self._spread(above, self._nearest(still), before, beside)
+        """Measure from all states of the pattern: what is left half done if the time is up is not kept."""
+        look()
+        nearest = self._nearest()
+        self.update(dict.fromkeys(self._pattern.states, NEVER))
+        self._spread(nearest)
 
-    def _nearest(self, still: int) -> dict[int, list[int]]:
+    def _nearest(self) -> dict[int, list[int]]:
         """Where one of the targets is met, by how many steps all others then take."""
         nearest: dict[int, list[int]] = {}
-        for node, met in self._pattern.met.items():
-            for bits, after, cost in met:
-                now = self._in_turn(bits & still, still)
-                if now:
-                    left = still & ~now
-                    nearest.setdefault(cost + self[after | left << self._pattern.width] if left else 0, []).append(node)
-        return {steps: nodes for steps, nodes in nearest.items() if steps < NEVER}
+        for node, bits, after, cost in self._pattern.met:
+            now = self._in_turn(bits & self._still)
+            if now:
+                left = self._still & ~now
+                steps = cost + self._pattern.distances(left, self._order)[after] if left else 0
+                if steps < NEVER:
+                    nearest.setdefault(steps, []).append(node)
+        return nearest
 
-    def _in_turn(self, bits: int, still: int) -> int:
+    def _in_turn(self, bits: int) -> int:
         """Of targets that are met at once those whose turn it is."""
         for number, before in enumerate(self._order):
-            if bits >> number & 1 and before & still & ~bits:
-                return self._in_turn(bits ^ 1 << number, still)
+            if bits >> number & 1 and before & self._still & ~bits:
+                return self._in_turn(bits ^ 1 << number)
         return bits
 
-    def _spread(
-        self, above: int, nearest: dict[int, list[int]], before: Mapping[int, list[int]], beside: Mapping[int, list[int]]
-    ) -> None:
+    def _spread(self, nearest: dict[int, list[int]]) -> None:
         """Set distances from what is near to what is farther away."""
+        before, beside = self._pattern.before, self._pattern.beside
         distance = 0
         while nearest:
             waiting = nearest.pop(distance, [])
             distance += 1
             farther = nearest.get(distance, [])
             for node in waiting:  # what is beside a node joins them
-                if self[node | above] >= distance:
-                    self[node | above] = distance - 1
+                if self[node] >= distance:
+                    self[node] = distance - 1
                     farther += before.get(node, ())
                     waiting += beside.get(node, ())
             if farther:
                 nearest[distance] = farther
-
-
-def _backwards(following: Mapping[int, Iterable[int]]) -> dict[int, list[int]]:
-    before: dict[int, list[int]] = {}
-    for node, found in following.items():
-        for after in found:
-            before.setdefault(after, []).append(node)
-    return before
 
 
 def _within(of: Ground, action: Action, implied: tuple[Expr, ...], pattern: frozenset[str]) -> Iterator[Action]:
@@ -221,10 +222,7 @@ class Moves:
 
 
 class Freely(Tables):
-    """Moves where automatic actions have no priority: some that count, and some that do not.
-
-    The last few actions do nothing: if one is enabled, a target is met.
-    """
+    """Moves where automatic actions have no priority: some that count, some that do not, and the last few meet targets."""
 
     def __init__(self, of: Ground, counted: int, targets: int) -> None:
         super().__init__(of)
