@@ -225,7 +225,7 @@ class Truth(dict[int, bool]):
     def _judge(self) -> Callable[[int], bool]:
         """What reads many bits is judged by its parts: each has few values, which come again and again."""
         packing = self._shared.packing
-        if packing.mask(self._names).bit_count() > FEW_BITS:
+        if len(self._names) > 1 and packing.mask(self._names).bit_count() > FEW_BITS:
             for parts, every in ((tuple(conjuncts(self._condition)), True), (alternatives(self._condition), False)):
                 if len(parts) > 1:
                     return self._connected(parts, every)
