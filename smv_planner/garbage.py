@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import gc
 
-OBJECTS = 100_000
-"""How many more objects there have to be before it looks."""
+OBJECTS = 200_000
+"""How many more objects there have to be before it looks: a first question about a large station makes 120 000."""
 
 
 def look_seldom() -> None:
