@@ -221,11 +221,13 @@ class Guide:
         for action in changing:
             reads += [self._of.reads(part) | names.intersection(action.assigned) for part in action.conditions]
             reads += [self._of.reads(value) | {name} for name, value in action.assigned.items()]
-        reads = [read for read in reads if read <= names]
+        of = {name: 1 << at for at, name in enumerate(names)}
+        together = [union(of[name] for name in read) for read in reads if read <= names]
         while True:
+            sets = [(pattern, union(of[name] for name in pattern)) for pattern in patterns]
             pairs = [
-                (sum(1 for read in reads if read & one and read & other), one, other)
-                for one, other in combinations(patterns, 2)
+                (sum([1 for read in together if read & some and read & others]), one, other)
+                for (one, some), (other, others) in combinations(sets, 2)
                 if sum(masks[name].bit_count() for name in one | other) <= bits
             ]
             most = max(pairs, key=lambda pair: pair[0], default=(0, frozenset(), frozenset()))
