@@ -15,11 +15,12 @@ from generated import BOUND, Maker, question
 import smv_planner as sp
 from smv_planner.check import CheckedPlan, Refused, check_plan, check_proof
 from smv_planner.engines import Limits, auto, explicit
+from smv_planner.engines.auto.grounding import Shared
 from smv_planner.engines.auto.relaxed import out_of_reach
 from smv_planner.engines.auto.search import Tables
 from smv_planner.engines.auto.session import session_of
 from smv_planner.model.domains import Bool, Enum, Range, Value
-from smv_planner.model.expressions import TRUE, Const, Expr, Var, conjunction, equality, meaning, negation
+from smv_planner.model.expressions import TRUE, Const, Expr, Var, conjunction, disjunction, equality, meaning, negation
 from smv_planner.model.semantics import Steps
 from smv_planner.model.system import Assignment, Kind, System, Transition, Variable, VariableKind
 from smv_planner.problem import (
@@ -119,6 +120,15 @@ def test_a_memo_that_leaks_into_the_next_question_is_noticed(monkeypatch: pytest
                 leaked += not (same(answered, explicit.ask(problem, LIMITS)) and stands(problem, answered))
     session_of.cache_clear()
     assert leaked > 0
+
+
+def test_a_condition_on_one_variable_is_judged_once_for_each_of_its_values() -> None:
+    """However many alternatives it has, as what is left of a large range."""
+    values = tuple(range(300))
+    shared = Shared(System((Variable("n", VariableKind.ESTIMATED, Range(0, 299), 0),), (), ()))
+    truth = shared.truth(disjunction(equality(Var("n"), Const(value)) for value in values[1:]), ["n"])
+    assert [truth[at] for at in values] == [False] + [True] * 299
+    assert shared.judged == 300
 
 
 def questions_about_one_system(seed: int, number: int) -> Iterator[Problem]:
