@@ -21,8 +21,9 @@ from smv_planner.engines.auto.frames import numbered
 from smv_planner.engines.auto.grounding import Action, Ground, union
 from smv_planner.engines.auto.lasts import ACTIONS, Last, Lasts, Towards
 from smv_planner.engines.auto.patterns import NEVER, Distances, Order, Pattern
-from smv_planner.engines.auto.relaxed import Abstraction, Link, Support
+from smv_planner.engines.auto.relaxed import Abstraction
 from smv_planner.engines.auto.search import Estimate
+from smv_planner.engines.auto.support import Link, Support
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import conjuncts
 from smv_planner.model.ltl import Both, Formula, Until

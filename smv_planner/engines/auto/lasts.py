@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from smv_planner.engines.auto.conditions import Condition
 from smv_planner.engines.auto.grounding import Ground, Truth, alternatives, dealt_out
-from smv_planner.engines.auto.relaxed import Abstraction, Condition, Support
+from smv_planner.engines.auto.relaxed import Abstraction
+from smv_planner.engines.auto.support import Support
 from smv_planner.lazy import dataclass
 from smv_planner.model.expressions import FALSE, And, Expr, conjuncts
 
