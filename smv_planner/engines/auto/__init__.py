@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 from smv_planner.clock import Over, watched
 from smv_planner.engines.auto.grounding import Ground
 from smv_planner.engines.auto.parts import Part, merged
-from smv_planner.engines.auto.search import Ended, Paused, Search, Tables
+from smv_planner.engines.auto.search import MEMO, Ended, Paused, Search, Tables
 from smv_planner.engines.auto.session import Session, session_of
 from smv_planner.lazy import dataclass, replace
 from smv_planner.problem import (
@@ -232,7 +232,7 @@ def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, m
     not which plan is found.
     """
     hard, states = warm.hard(ground), means.states
-    tables.trim(means.memory // BYTES_PER_NODE // 4)
+    tables.trim(min(MEMO, means.memory // BYTES_PER_NODE // 4))
     search = Search(tables, problem)
     look = Look(search, means)
     look.on(min(SOME if hard else FEW, states))

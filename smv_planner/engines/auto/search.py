@@ -45,6 +45,9 @@ WATCHED = 20_000
 MEMO = 500_000
 """How many entries the memos of a warm session may hold before they start afresh."""
 
+TRIMS = 16
+"""Every how many times they are counted: that takes as long as looking at a few dozen nodes."""
+
 WORK = 20_000
 """How many moves and views are looked at before others get their turn: some milliseconds."""
 
@@ -105,6 +108,7 @@ class Tables:
         self._ways: dict[int, dict[int, Way]] = {}
         self._known: dict[tuple[int, bool, bool], Way] = {}
         self._watches: dict[tuple[Goal, ...], Watch] = {}
+        self._trims = 0
 
     def ways(self, usable: int) -> dict[int, Way]:
         """A memo for one set of usable actions: from the masks that the views leave to what can be done."""
@@ -163,8 +167,9 @@ class Tables:
         return sum(view.entries() for view in self.views) + sum(map(len, self._ways.values()))
 
     def trim(self, most: int = MEMO) -> None:
-        """Forget what is only remembered to be quicker, if that has become much."""
-        if self.entries() > most:
+        """Forget what is only remembered to be quicker, if that has become much; as much as usual is counted now and then."""
+        self._trims += 1
+        if (most < MEMO or self._trims % TRIMS == 0) and self.entries() > most:
             for view in self.views:
                 view.forget()
             self._ways.clear()
