@@ -201,7 +201,7 @@ class Look:
     """A search for a plan that goes on where it has paused, as long as that can lead to one within the bound."""
 
     def __init__(self, search: Search, means: Means) -> None:
-        self.search, self._means = search, means
+        self._search, self._means = search, means
         self.found: Reached | Ended | Paused | Late = Paused(0, 0)
         self.least = 0
         """How many steps are known to be needed."""
@@ -209,20 +209,20 @@ class Look:
 
     def goes_on(self, states: int) -> bool:
         """Whether so many states would be looked at."""
-        bound, found = self.search.problem.bound, self.found
+        bound, found = self._search.problem.bound, self.found
         return isinstance(found, Paused) and found.number <= states and max(found.depth, self.least) <= bound
 
     def on(self, states: int) -> None:
         """Go on until something is found, or more than so many states were looked at."""
         if self.goes_on(states):
-            self.found = _search(self._searching, self.search.problem, states, self._means)
+            self.found = _search(self._searching, self._search.problem, states, self._means)
 
     def anew(self, fold: Fold | None = None) -> None:
         """Begin again; with one of all states that fold into the same."""
         if isinstance(self.found, Paused):
             self.least = max(self.least, self.found.depth)
         self.found = Paused(0, 0)
-        self._searching = self.search.explore(fold)
+        self._searching = self._search.explore(fold)
 
 
 def by_states(problem: Problem, warm: Session, ground: Ground, tables: Tables, means: Means) -> Found | int:
@@ -321,7 +321,7 @@ def _guided(search: Search, warm: Session, ground: Ground, wide: Callable[[], bo
     question = problem.goals, search.usable
     least = 0
     for widely, left in ((False, GLANCED), (True, GUIDED)):
-        if guide.far(question) if not widely else not wide():
+        if not wide() if widely else guide.far(question):
             continue
         estimate = guide.estimate(problem, widely)
         if estimate is None:
@@ -360,11 +360,6 @@ def _apart(
             return None
         raise
     return Unreachable(proof, APART) if proof else None
-
-
-def _goes_on(found: Reached | Ended | Paused | Late, problem: Problem, states: int) -> bool:
-    """Whether a search has paused before its limits."""
-    return isinstance(found, Paused) and found.number <= states and found.depth <= problem.bound
 
 
 def _search(
